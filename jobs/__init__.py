@@ -1,0 +1,18 @@
+"""The job: from a model's files to a store, on one machine or on a cluster.
+
+Read in this order:
+
+    importing/     model files to parts
+    objects/       parts to pieces
+    detail/        levels of every piece, each with a certified error
+    assemble       pieces and their placements to nodes and drawables
+    visibility/    what can be seen from a cell
+    cells          subtrees of view cells
+    pipeline       all of the above in order; stages holds the work of each task, plan their keys and sizes
+    tasks          what a task is, when it is finished; workplace holds their results
+    executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray)
+    verify         an oracle for finished stores
+    commands       the command line
+
+Nothing in here is needed to read or to play a store: `storage` never imports `jobs`, and `player` never does.
+"""

@@ -1,0 +1,212 @@
+"""From pieces and their placements to nodes and drawables.
+
+Each placement of a piece becomes one node, each level of it one drawable. Everything that a drawable claims (box, error,
+cone) is worked out from the very positions that a store gives out for it: integers on the model's grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from storage.tables import DRAWABLE, NODE, Grid, transform_points
+
+if TYPE_CHECKING:
+    from jobs.detail.pieces import Level, Piece
+
+#: Half angles of cones are rounded up to a multiple of this, in radians: far above what the last bits of arccos differ by.
+ANGLE_STEP = 2.0**-12
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a mesh is placed in the model."""
+
+    part: int  # index of the part
+    instance: int  # index of its matrix; -1 where the mesh lies in model space already
+    matrix: np.ndarray  # (3, 4) float64
+    stretch: float  # upper bound of the factor by which the matrix lengthens
+
+
+def largest_stretch(matrices: np.ndarray) -> np.ndarray:
+    """Upper bound (n,) of the largest singular value of the left 3x3 of matrices (n, 3, 4), within 1 part in a million.
+
+    The largest eigenvalue of A = M^T M is at most trace(A^n)^(1/n) and at least that over 3^(1/n). Only sums, products
+    and square roots: the same bits on every machine.
+    """
+    m = np.asarray(matrices, np.float64)[:, :, :3]
+    a = _multiply(m.transpose(0, 2, 1), m)
+    scale = a[:, 0, 0] + a[:, 1, 1] + a[:, 2, 2]
+    scale = np.where(scale > 0, scale, 1.0)
+    power = a / scale[:, None, None]
+    factors = []
+    for _ in range(20):
+        power = _multiply(power, power)
+        trace = power[:, 0, 0] + power[:, 1, 1] + power[:, 2, 2]
+        trace = np.where(trace > 0, trace, 1.0)
+        power = power / trace[:, None, None]
+        factors.append(trace)
+    root = np.ones(len(m))
+    for trace in reversed(factors):
+        root = np.sqrt(root * trace)
+    return np.sqrt(scale * root) * (1 + 1e-12)
+
+
+def _multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Products (n, 3, 3) of matrices, summed in a fixed order."""
+    terms = [a[:, :, k, None] * b[:, None, k, :] for k in range(3)]
+    return (terms[0] + terms[1]) + terms[2]
+
+
+def place_piece(piece: Piece, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (p,) and drawables (p * levels,) of a piece's placements, in their order.
+
+    The drawables' geometry counts up from first_geometry, finest level first; node and first_drawable count from 0.
+    """
+    levels = piece.levels
+    nodes = np.zeros(len(placements), NODE)
+    drawables = np.zeros(len(placements) * len(levels), DRAWABLE)
+    for n, placement in enumerate(placements):
+        first = n * len(levels)
+        node_lo, node_hi = np.full(3, np.inf), np.full(3, -np.inf)
+        previous = -1.0
+        for number, level in enumerate(levels):
+            positions, flipped = grid_positions(level, piece.scale, placement, grid)
+            used = positions[level.triangles.reshape(-1)]
+            lo, hi = used.min(axis=0) * grid.step, used.max(axis=0) * grid.step
+            error = level.error
+            if placement.instance >= 0:
+                error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
+            row = drawables[first + number]
+            row["node"], row["level"] = n, number
+            row["geometry"], row["instance"] = first_geometry + number, placement.instance
+            row["triangles"] = len(level.triangles)
+            # Rounding must not make two levels' errors equal.
+            previous = max(float(float32_up(error)), float(np.nextafter(np.float32(previous), np.float32(np.inf))))
+            row["error"] = previous
+            row["lo"], row["hi"] = float32_down(lo), float32_up(hi)
+            row["one_sided"] = piece.one_sided
+            row["cone_axis"], row["cone_angle"] = _cone(level, positions, placement, flipped, piece.one_sided)
+            reach = float(row["error"]) if number == 0 else 0.0
+            node_lo, node_hi = np.minimum(node_lo, lo - reach), np.maximum(node_hi, hi + reach)
+        node = nodes[n]
+        node["first_drawable"], node["levels"], node["part"] = first, len(levels), placement.part
+        node["lo"], node["hi"] = float32_down(node_lo), float32_up(node_hi)
+    return nodes, drawables
+
+
+def grid_positions(level: Level, scale: float, placement: Placement, grid: Grid) -> tuple[np.ndarray, bool]:
+    """Grid coordinates (n, 3) int64 of a placed level, and whether the placement mirrors it."""
+    if placement.instance < 0:
+        return level.positions.astype(np.int64), False
+    points = transform_points(placement.matrix, level.positions * np.float64(scale))
+    return grid.snap(points).astype(np.int64), _determinant(placement.matrix) < 0
+
+
+def join(chunks: Sequence[tuple[np.ndarray, np.ndarray, int]], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The whole model's nodes and drawables from those of its chunks.
+
+    chunks: nodes, drawables (geometry counted from the chunk's start) and number of meshes of each chunk; lo, hi: the
+    model's box (3,). Nodes are put in Morton order of their centres, so that what lies together has neighbouring ids.
+    """
+    nodes, drawables = [], []
+    first_node = first_drawable = first_geometry = 0
+    for chunk_nodes, chunk_drawables, meshes in chunks:
+        n, d = chunk_nodes.copy(), chunk_drawables.copy()
+        n["first_drawable"] += first_drawable
+        d["node"] += first_node
+        d["geometry"] += first_geometry
+        nodes.append(n)
+        drawables.append(d)
+        first_node, first_drawable, first_geometry = first_node + len(n), first_drawable + len(d), first_geometry + meshes
+    all_nodes = np.concatenate([np.zeros(0, NODE), *nodes])
+    all_drawables = np.concatenate([np.zeros(0, DRAWABLE), *drawables])
+    order = _spatial_order(all_nodes, lo, hi)
+    levels = all_nodes["levels"][order].astype(np.int64)
+    starts = np.concatenate([[0], np.cumsum(levels)])
+    source = np.repeat(all_nodes["first_drawable"][order].astype(np.int64) - starts[:-1], levels) + np.arange(starts[-1])
+    sorted_nodes, sorted_drawables = all_nodes[order], all_drawables[source]
+    sorted_nodes["first_drawable"] = starts[:-1]
+    sorted_drawables["node"] = np.repeat(np.arange(len(order)), levels)
+    return sorted_nodes, sorted_drawables
+
+
+def float32_up(values: np.ndarray | float) -> np.ndarray:
+    """The least float32 not below each value."""
+    near = np.asarray(values, np.float64).astype(np.float32)
+    return np.where(near < values, np.nextafter(near, np.float32(np.inf)), near)
+
+
+def float32_down(values: np.ndarray | float) -> np.ndarray:
+    """The greatest float32 not above each value."""
+    near = np.asarray(values, np.float64).astype(np.float32)
+    return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)
+
+
+def _spatial_order(nodes: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+    """Indices (n,) that put nodes in Morton order of their boxes' centres; equal places keep their order."""
+    from storage.octree import MAX_DEPTH, encode
+
+    centres = (nodes["lo"].astype(np.float64) + nodes["hi"]) / 2
+    size = max(float((hi - lo).max()), np.finfo(np.float64).tiny)
+    cells = 1 << MAX_DEPTH
+    places = np.clip(np.floor((centres - lo) / size * cells), 0, cells - 1).astype(np.int64)
+    return np.argsort(encode(places, MAX_DEPTH), kind="stable")
+
+
+def _cone(
+    level: Level, positions: np.ndarray, placement: Placement, flipped: bool, one_sided: bool
+) -> tuple[np.ndarray, float]:
+    """Axis and half angle of a cone around the normals of a level's triangles as they are placed."""
+    axis = np.asarray(level.cone_axis, np.float64)
+    if not one_sided or level.cone_angle >= math.pi:
+        return axis.astype(np.float32), math.pi
+    if placement.instance >= 0:
+        axis = _turn_normal(placement.matrix, axis)
+    a, b, c = (positions[level.triangles[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    normals = np.stack(
+        [u[:, i] * v[:, j] - u[:, j] * v[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1
+    ).astype(np.float64)
+    if flipped:
+        normals = -normals
+    length = _length(normals)
+    normals, length = normals[length > 0], length[length > 0]
+    axis = (axis / max(float(_length(axis[None])[0]), 1e-300)).astype(np.float32).astype(np.float64)
+    if not len(normals) or not axis.any():
+        return axis, math.pi
+    cosine = (normals[:, 0] * axis[0] + normals[:, 1] * axis[1] + normals[:, 2] * axis[2]) / length
+    cosine /= _length(axis[None])[0]
+    angle = math.acos(min(1.0, max(-1.0, float(cosine.min()))))
+    return axis, min(math.pi, math.ceil((angle + 1e-6) / ANGLE_STEP) * ANGLE_STEP)
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt((vectors[:, 0] ** 2 + vectors[:, 1] ** 2) + vectors[:, 2] ** 2)
+
+
+def _cofactors(matrix: np.ndarray) -> np.ndarray:
+    """(3, 3): determinant times the inverse's transpose; turns normals."""
+    m = np.asarray(matrix, np.float64)[:, :3]
+    result = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            result[i, j] = m[r, t] * m[s, u] - m[r, u] * m[s, t]
+    return result
+
+
+def _determinant(matrix: np.ndarray) -> float:
+    m, c = np.asarray(matrix, np.float64), _cofactors(matrix)
+    return float((m[0, 0] * c[0, 0] + m[0, 1] * c[0, 1]) + m[0, 2] * c[0, 2])
+
+
+def _turn_normal(matrix: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The direction that is outward on a placed surface where `normal` (3,) was outward on the mesh; not unit."""
+    c = _cofactors(matrix)
+    turned = (c[:, 0] * normal[0] + c[:, 1] * normal[1]) + c[:, 2] * normal[2]
+    return -turned if _determinant(matrix) < 0 else turned

@@ -1,0 +1,167 @@
+"""View cells: which cells there are, and what can be seen from each.
+
+The octree is split until a cell's vLOD is small enough or the depth limit is reached. A task takes one octree key and
+works out two levels below it; cells that must be split further are the roots of the next wave of tasks.
+
+Based on: J. Chhugani et al.: vLOD, IEEE TVCG 11(1), 2005, section 4 (a consistent level of detail for the whole scene,
+then visibility, then smaller cells where the result is too large).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.soup import Soup, build_soup
+from storage import octree
+from storage.detail import choose_levels
+from storage.octree import Octree
+from storage.store import Geometry
+from storage.tables import CELL
+
+#: Octree levels that one task covers below its root.
+LEVELS_PER_TASK = 2
+
+
+@dataclass(frozen=True)
+class CellParameters:
+    """What decides the view cells and what they hold. Lengths in model units."""
+
+    octree: Octree
+    view_lo: tuple[float, float, float]  # cells that do not touch this box are left out
+    view_hi: tuple[float, float, float]
+    max_depth: int  # deepest level of cells
+    triangles_per_cell: int  # cells with a larger vLOD are split
+    pixel_angle: float  # see storage.detail.pixel_angle
+    pixel_error: float  # allowed error in pixels
+    engine: EngineSettings = field(default_factory=EngineSettings)
+
+
+@dataclass(frozen=True)
+class SubtreeResult:
+    """The finished cells of one task, in Morton order, and the cells that must be split further."""
+
+    cells: np.ndarray  # (k,) CELL
+    offsets: np.ndarray  # (k + 1,) int64 into ids
+    ids: np.ndarray  # (n,) uint32 the cells' vLODs one after the other, each sorted
+    open_keys: list[int]  # sorted in Morton order
+
+
+def compute_subtree(
+    store: Geometry,
+    root_key: int,
+    parameters: CellParameters,
+    progress: Callable[[int, int], None] | None = None,
+) -> SubtreeResult:
+    """Work out the cells of the LEVELS_PER_TASK levels below a key.
+
+    The octree's own root is worked out too; any other root is known to need splitting.
+    """
+    top = octree.depth(root_key)
+    bottom = min(top + LEVELS_PER_TASK, parameters.max_depth)
+    first = [root_key] if root_key == octree.ROOT else _children_in_view(root_key, parameters)
+    candidates = _descendants(first, bottom, parameters)
+    cuts = {key: _cut(store, key, parameters) for key in candidates}
+    engine = Engine(_gather(store, cuts, parameters.engine.cluster_size), parameters.engine)
+
+    records: list[np.ndarray] = []
+    sets: list[np.ndarray] = []
+    open_keys: list[int] = []
+    pending = sorted(first, key=_morton, reverse=True)
+    done = 0
+    while pending:
+        key = pending.pop()
+        deep = octree.depth(key)
+        may_split = deep < parameters.max_depth
+        outcome = _compute_cell(store, engine, key, cuts[key], parameters, may_split)
+        done += 1
+        if outcome is not None:
+            records.append(outcome[0])
+            sets.append(outcome[1])
+        elif deep < bottom:
+            pending.extend(sorted(_children_in_view(key, parameters), key=_morton, reverse=True))
+        else:
+            open_keys.append(key)
+        if progress is not None:
+            progress(done, done + len(pending))
+    cells = np.array(records, CELL) if records else np.zeros(0, CELL)
+    offsets = np.concatenate([[0], np.cumsum([len(s) for s in sets], dtype=np.int64)]).astype(np.int64)
+    ids = np.concatenate(sets).astype(np.uint32) if sets else np.zeros(0, np.uint32)
+    return SubtreeResult(cells, offsets, ids, open_keys)
+
+
+def _morton(key: int) -> int:
+    """Sorts keys into depth-first order."""
+    return int(octree.morton_starts(np.array([key], np.uint64))[0])
+
+
+def _children_in_view(key: int, parameters: CellParameters) -> list[int]:
+    """The children of a key that touch the view box, in Morton order."""
+    keys = octree.children(key)
+    lo, hi = parameters.octree.boxes(keys)
+    touches = (lo <= parameters.view_hi).all(axis=1) & (hi >= parameters.view_lo).all(axis=1)
+    return [int(k) for k in keys[touches]]
+
+
+def _descendants(keys: list[int], bottom: int, parameters: CellParameters) -> list[int]:
+    """The keys and all below them down to depth `bottom` that touch the view box."""
+    found = list(keys)
+    level = list(keys)
+    while level:
+        level = [c for k in level if octree.depth(k) < bottom for c in _children_in_view(k, parameters)]
+        found.extend(level)
+    return found
+
+
+def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
+    """The drawables that stand for the whole model in a cell."""
+    lo, hi = parameters.octree.box(key)
+    return choose_levels(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, parameters.pixel_error)
+
+
+def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> Soup:
+    """The triangles of all drawables that occur in any of the cuts."""
+    used = np.zeros(len(store.drawables), np.bool_)
+    for cut in cuts.values():
+        used[cut] = True
+    ids = np.flatnonzero(used)
+    rows = store.drawables[ids]
+
+    def mesh(drawable: int) -> tuple[np.ndarray, np.ndarray]:
+        positions, triangles = store.mesh(drawable)[:2]
+        return np.rint(positions.astype(np.float64) / store.grid.step).astype(np.int32), triangles
+
+    return build_soup(ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"], mesh, cluster_size)
+
+
+def _compute_cell(
+    store: Geometry, engine: Engine, key: int, cut: np.ndarray, parameters: CellParameters, may_split: bool
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The cell's record and visible ids, or None where it must be split."""
+    counts = store.drawables["triangles"].astype(np.int64)
+    cut_triangles = int(counts[cut].sum())
+    lo, hi = parameters.octree.box(key)
+    grid_lo, grid_hi = lo / store.grid.step, hi / store.grid.step
+    if may_split and cut_triangles > parameters.triangles_per_cell:
+        inside = engine.reaching_into(grid_lo, grid_hi, cut)
+        if int(counts[inside].sum()) > parameters.triangles_per_cell:
+            return None
+    found = engine.visible_from(grid_lo, grid_hi, cut)
+    triangles = int(counts[found.visible].sum())
+    too_large = triangles > parameters.triangles_per_cell
+    if too_large and may_split:
+        return None
+    cell = np.zeros((), CELL)
+    cell["key"] = key
+    cell["depth"] = octree.depth(key)
+    cell["lo"], cell["hi"] = lo, hi
+    cell["computed"] = True
+    cell["limited"] = too_large
+    cell["pixel_error"] = parameters.pixel_error
+    cell["cut_drawables"], cell["cut_triangles"] = len(cut), cut_triangles
+    cell["drawables"], cell["triangles"] = len(found.visible), triangles
+    cell["proven_drawables"], cell["proven_triangles"] = len(found.proven), int(counts[found.proven].sum())
+    return cell, found.visible

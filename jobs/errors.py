@@ -1,0 +1,33 @@
+"""What can go wrong in a job beside bad input: a branch of the tree in `storage.errors`.
+
+    VlodError
+    └── JobError                a build could not go on
+        ├── WorkInUseError      another build is using the work directory (also a BlockingIOError)
+        ├── WorkerLostError     a task's worker died again and again (also a RuntimeError)
+        ├── MemoryLimitError    a task needs more memory than there is (also a MemoryError)
+        └── ClusterError        the cluster does not answer (also a ConnectionError)
+"""
+
+from __future__ import annotations
+
+from storage.errors import VlodError
+
+
+class JobError(VlodError):
+    """A build could not go on."""
+
+
+class WorkInUseError(JobError, BlockingIOError):
+    """Another build is using the work directory."""
+
+
+class WorkerLostError(JobError, RuntimeError):
+    """A task's worker process died again and again."""
+
+
+class MemoryLimitError(JobError, MemoryError):
+    """A task needs more memory than any machine of the job has."""
+
+
+class ClusterError(JobError, ConnectionError):
+    """The cluster does not answer."""

@@ -1,0 +1,235 @@
+"""An oracle for visibility: Embree rays from a cell's surface into its full cut.
+
+Shares no code with the visibility engine: it knows triangles, rays and boxes only. Every hit that would accuse the
+engine is confirmed in double precision first, because Embree's single precision lets rays slip between triangles that
+meet along an edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+
+#: A ray goes through at most this many backs of one-sided drawables.
+MOST_PASSES = 64
+#: Rays per suspected drawable that are confirmed in double precision before it is let go.
+CONFIRMATIONS = 8
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A drawable as seen by a ray. Model units."""
+
+    drawable: int
+    origin: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    distance: float
+
+
+class Oracle:
+    """All triangles of one cell's cut, ready for rays."""
+
+    def __init__(self, triangles: np.ndarray, owner: np.ndarray, one_sided: np.ndarray) -> None:
+        """Take the cut.
+
+        Args:
+            triangles: (m, 3, 3) float32 corners in model units.
+            owner: (m,) int64 drawable of each triangle.
+            one_sided: (m,) bool: hits on the triangle's back do not count; the ray goes on.
+        """
+        self._triangles = triangles
+        self._owner = owner
+        self._one_sided = one_sided
+        self._scene = rtcore_scene.EmbreeScene()
+        if len(triangles):
+            TriangleMesh(self._scene, np.ascontiguousarray(triangles, np.float32))
+
+    def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
+
+        Returns the triangles (n,) int64, -1 where nothing is hit, and the distances (n,) float64 in ray lengths.
+        """
+        n = len(origins)
+        found = np.full(n, -1, np.int64)
+        distance = np.full(n, np.inf)
+        if not len(self._triangles):
+            return found, distance
+        waiting = np.arange(n)
+        start = np.ascontiguousarray(origins, np.float32)
+        gone = np.zeros(n)
+        for _ in range(MOST_PASSES):
+            hit = self._scene.run(start[waiting], np.ascontiguousarray(directions[waiting], np.float32), output=True)
+            triangle = hit["primID"].astype(np.int64)
+            struck = triangle >= 0
+            waiting, triangle = waiting[struck], triangle[struck]
+            along = hit["tfar"][struck].astype(np.float64)
+            corners = self._triangles[triangle].astype(np.float64)
+            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            back = self._one_sided[triangle] & ((normal * directions[waiting]).sum(axis=1) > 0)
+            front = ~back
+            found[waiting[front]] = triangle[front]
+            distance[waiting[front]] = gone[waiting[front]] + along[front]
+            waiting = waiting[back]
+            if not len(waiting):
+                break
+            gone[waiting] += along[back] * (1 + 1e-6)
+            start[waiting] = origins[waiting] + gone[waiting, None] * directions[waiting]
+        return found, distance
+
+    def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int) -> float:
+        """Whether a ray meets a triangle before all others, in double precision.
+
+        Args:
+            origin, direction: (3,) float32, taken as exact.
+
+        Returns:
+            The distance in ray lengths, or nan where another triangle that counts is met first or at the same place.
+        """
+        o, d = origin.astype(np.float64), direction.astype(np.float64)
+        t, inside = _intersect(self._triangles[[triangle]].astype(np.float64), o, d, -1e-7)
+        if not inside[0]:
+            return float("nan")
+        reach = o + d * t[0]
+        low, high = np.minimum(o, reach), np.maximum(o, reach)
+        corners = self._triangles
+        near = np.flatnonzero(
+            ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)
+            & (self._owner != self._owner[triangle])
+        )
+        blockers = corners[near].astype(np.float64)
+        at, met = _intersect(blockers, o, d, -1e-9)
+        normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
+        counts = ~(self._one_sided[near] & ((normal * d).sum(axis=1) > 0))
+        scale = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max())) / max(float(np.abs(d).max()), 1e-300)
+        blocked = (met & counts & (at >= 0) & (at <= t[0] + scale)).any()
+        return float("nan") if blocked else float(t[0])
+
+
+def _intersect(
+    corners: np.ndarray, origin: np.ndarray, direction: np.ndarray, slack: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (n,) along one ray to triangles (n, 3, 3) float64, and whether each is met.
+
+    `slack` is the least barycentric coordinate that counts as inside. Based on: T. Möller, B. Trumbore: Fast, Minimum
+    Storage Ray-Triangle Intersection, 1997.
+    """
+    first = corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
+    p = np.cross(direction, second)
+    determinant = (first * p).sum(axis=1)
+    flat = determinant == 0
+    inverse = 1.0 / np.where(flat, 1.0, determinant)
+    s = origin - corners[:, 0]
+    u = (s * p).sum(axis=1) * inverse
+    q = np.cross(s, first)
+    v = (q @ direction) * inverse
+    t = (second * q).sum(axis=1) * inverse
+    return t, ~flat & (u >= slack) & (v >= slack) & (u + v <= 1 - slack)
+
+
+def surface_points(lo: np.ndarray, hi: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, 3) float32 points on a box's surface, its eight corners first; rounded so that all lie inside the box."""
+    # two float32 steps inward at the largest coordinate, so that rounding cannot leave the box
+    inward = np.minimum(np.maximum(np.maximum(np.abs(lo), np.abs(hi)) * 2.0**-22, (hi - lo) * 1e-7), (hi - lo) / 4)
+    low, high = lo + inward, hi - inward
+    points = low + rng.random((count, 3)) * (high - low)
+    axis = rng.integers(0, 3, count)
+    upper = rng.integers(0, 2, count) == 1
+    rows = np.arange(count)
+    points[rows, axis] = np.where(upper, high[axis], low[axis])
+    corners = np.array([[high[k] if bit >> k & 1 else low[k] for k in range(3)] for bit in range(8)])
+    points[: min(8, count)] = corners[: min(8, count)]
+    return np.clip(points, lo, hi).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What rays from one cell saw."""
+
+    rays: int
+    seen: np.ndarray  # (k,) sorted drawables
+    missed: list[Sight]  # drawables seen but not reported, confirmed in double precision
+    refuted: int  # suspected drawables whose hits double precision did not confirm
+
+
+def examine(
+    oracle: Oracle,
+    owner: np.ndarray,
+    triangles: np.ndarray,
+    lo: np.ndarray,
+    hi: np.ndarray,
+    reported: np.ndarray,
+    samples: int,
+    rng: np.random.Generator,
+) -> Findings:
+    """Look for drawables that can be seen from a cell but are not reported.
+
+    A third of the rays go in uniform directions, the rest are aimed at random points of drawables not seen so far:
+    half of these at drawables that were not reported. The rays start on the cell's surface, its corners included.
+
+    Args:
+        oracle: holds the triangles (m, 3, 3) of the cell's whole cut; owner: (m,) int64 their drawables, sorted.
+        lo, hi: (3,) float64 the cell; reported: sorted drawable ids; samples: number of rays.
+    """
+    seen: set[int] = set()
+    suspects: dict[int, list[tuple[np.ndarray, np.ndarray, int]]] = {}
+    known = set(reported.tolist())
+    drawables, starts = np.unique(owner, return_index=True)
+    ends = np.append(starts[1:], len(owner))
+    rays = 0
+
+    def shoot(origins: np.ndarray, directions: np.ndarray) -> None:
+        nonlocal rays
+        rays += len(origins)
+        found, _ = oracle.cast(origins, directions)
+        hits = np.flatnonzero(found >= 0)
+        _, once = np.unique(found[hits], return_index=True)
+        for ray in hits[once]:
+            drawable = int(owner[found[ray]])
+            if drawable in known:
+                seen.add(drawable)
+            else:
+                rows = suspects.setdefault(drawable, [])
+                if len(rows) < CONFIRMATIONS:
+                    rows.append((origins[ray], directions[ray], int(found[ray])))
+
+    uniform = samples - 2 * (samples // 3)
+    points = surface_points(lo, hi, uniform, rng)
+    shoot(points, rng.normal(size=(uniform, 3)).astype(np.float32))
+    left = samples - uniform
+    rounds = 4
+    for part in range(rounds):
+        count = left // (rounds - part)
+        left -= count
+        unseen = ~np.isin(drawables, np.fromiter(seen, np.int64, len(seen)))
+        hidden = unseen & ~np.isin(drawables, reported)
+        for group, number in ((hidden, count // 2), (unseen & ~hidden, count - count // 2)):
+            choices = np.flatnonzero(group)
+            if not len(choices):
+                choices = np.arange(len(drawables))
+            if not number or not len(choices):
+                continue
+            chosen = choices[rng.integers(0, len(choices), number)]
+            triangle = starts[chosen] + (rng.random(number) * (ends[chosen] - starts[chosen])).astype(np.int64)
+            weights = rng.dirichlet((1.0, 1.0, 1.0), number)
+            targets = (triangles[triangle].astype(np.float64) * weights[:, :, None]).sum(axis=1)
+            origins = surface_points(lo, hi, number, rng)
+            rng.shuffle(origins)
+            shoot(origins, (targets - origins).astype(np.float32))
+
+    missed: list[Sight] = []
+    refuted = 0
+    for drawable, accusations in sorted(suspects.items()):
+        for origin, direction, hit in accusations:
+            distance = oracle.confirm(origin, direction, hit)
+            if not np.isnan(distance):
+                start, along = tuple(map(float, origin)), tuple(map(float, direction))
+                missed.append(Sight(drawable, start, along, distance))  # type: ignore[arg-type]
+                seen.add(drawable)
+                break
+        else:
+            refuted += 1
+    return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted)

@@ -1,0 +1,100 @@
+"""What a build is asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from storage.errors import ParameterError
+from storage.octree import MAX_DEPTH, Octree
+
+#: How much the view space exceeds the model's box on every side by default, as a fraction of the box.
+VIEW_MARGIN = 0.02
+
+Box = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class BuildParameters:
+    """Parameters of a build. Lengths are in model units: the coordinates of the (first) input file."""
+
+    view_box: Box | None = None  # x0 y0 z0 x1 y1 z1: where the viewer may be; None: the model's box, slightly larger
+    region: Box | None = None  # only cells that touch it are computed; None: all
+    triangles_per_cell: int = 50_000  # cells that see more are split
+    max_depth: int = 5  # of the octree of cells; the root has depth 0
+    cell_size: float | None = None  # cells are not split below this edge; takes the place of max_depth
+    pixel_error: float = 1.0  # allowed error, in pixels
+    screen_height: int = 1080  # in pixels
+    field_of_view: float = 60.0  # vertical, in degrees
+    units: str | None = None  # length unit of the input files; None: what they say
+    up: str | None = None  # x, y or z; None: what they say
+
+    def __post_init__(self) -> None:
+        for name, box in (("view box", self.view_box), ("region", self.region)):
+            if box is None:
+                continue
+            if len(box) != 6 or not all(math.isfinite(value) for value in box):
+                raise ParameterError(f"the {name} needs six finite numbers x0 y0 z0 x1 y1 z1, not {box}")
+            if not all(low < high for low, high in zip(box[:3], box[3:], strict=True)):
+                raise ParameterError(f"the {name} needs x0 < x1, y0 < y1 and z0 < z1, not {box}")
+        if self.triangles_per_cell < 1:
+            raise ParameterError(f"triangles per cell must be at least 1, not {self.triangles_per_cell}")
+        if not 0 <= self.max_depth <= MAX_DEPTH:
+            raise ParameterError(f"the depth of the octree must be from 0 to {MAX_DEPTH}, not {self.max_depth}")
+        for name, value in (("cell size", self.cell_size), ("pixel error", self.pixel_error)):
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ParameterError(f"the {name} must be positive, not {value}")
+        if self.up not in (None, "x", "y", "z"):
+            raise ParameterError(f"up must be x, y or z, not {self.up!r}")
+
+    def to_json(self) -> dict[str, Any]:
+        """All parameters by name, as JSON."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value for name, value in dataclasses.asdict(self).items()
+        }
+
+
+@dataclass(frozen=True)
+class ViewSpace:
+    """Where cells are computed, in model space (the model's origin is subtracted)."""
+
+    octree: Octree
+    lo: tuple[float, float, float]  # cells that do not reach into this box are skipped
+    hi: tuple[float, float, float]
+    max_depth: int
+
+
+def view_space(
+    parameters: BuildParameters, model_lo: np.ndarray, model_hi: np.ndarray, origin: np.ndarray
+) -> ViewSpace:
+    """The octree and the box of cells for a model with the box model_lo to model_hi (3,), in model space.
+
+    Raises ParameterError where the region lies outside the view box.
+    """
+    if parameters.view_box is None:
+        size = model_hi - model_lo
+        margin = np.maximum(VIEW_MARGIN * size, 1e-3 * VIEW_MARGIN * size.max())
+        lo, hi = model_lo - margin, model_hi + margin
+    else:
+        lo, hi = _corners(parameters.view_box, origin)
+    octree = Octree.around(lo, hi)
+    depth = parameters.max_depth
+    if parameters.cell_size is not None:
+        depth = min(MAX_DEPTH, max(0, math.floor(math.log2(octree.size / parameters.cell_size) + 1e-9)))
+    if parameters.region is not None:
+        region_lo, region_hi = _corners(parameters.region, origin)
+        lo, hi = np.maximum(lo, region_lo), np.minimum(hi, region_hi)
+        if not (lo < hi).all():
+            raise ParameterError(
+                f"the region {parameters.region} lies outside the view space, which is "
+                f"{np.round(np.concatenate([lo, hi]) + np.tile(origin, 2), 6).tolist()}: choose a region inside it"
+            )
+    return ViewSpace(octree, (float(lo[0]), float(lo[1]), float(lo[2])), (float(hi[0]), float(hi[1]), float(hi[2])), depth)
+
+
+def _corners(box: Box, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(box[:3], np.float64) - origin, np.asarray(box[3:], np.float64) - origin

@@ -1,0 +1,196 @@
+"""Running tasks on Ray: on a running cluster, or on one that is started on this machine. Only this file knows Ray.
+
+A task's bulk data goes through the work directory and the store, which all workers must see under the same paths; what
+travels through Ray is a small task and a small record.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from jobs.errors import ClusterError, MemoryLimitError, WorkerLostError
+from jobs.executors import Backlog, Then, no_more
+from jobs.tasks import Task, TaskResult, find_finished, run_task
+from jobs.workplace import Workplace
+
+#: Attempts at a task whose worker or node died; spot nodes vanish, but a task that kills workers must end.
+ATTEMPTS = 4
+
+#: Times that a task which ran out of memory is tried again, each time with twice the memory set aside for it.
+MEMORY_ATTEMPTS = 2
+
+#: Ray's shared memory on this machine, in bytes: results are small records, so the smallest that it accepts will do.
+OBJECT_STORE = 80 << 20
+
+#: Settings of a Ray that is started here; what the user has set stays.
+_ENVIRONMENT = {
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # leave CUDA_VISIBLE_DEVICES alone, and do not warn about it
+    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",  # `uv run` would package and install the environment for every worker
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_DEDUP_LOGS": "0",
+}
+
+
+@dataclass
+class _Attempt:
+    task: Task
+    memory: int  # set aside for it, in bytes
+    lost: int = 0  # workers that died of it
+    starved: int = 0  # times it ran out of memory
+
+
+class RayExecutor:
+    """Runs tasks on Ray workers, one core each."""
+
+    name = "ray"
+
+    def __init__(self, workers: int | None = None, address: str | None = None) -> None:
+        """workers: tasks at once; all cores when None. address: of a running cluster; None starts one here.
+
+        Ray is started or joined when the first unfinished task comes, so a build that finds everything finished never
+        waits for it.
+        """
+        self.workers = workers or (os.cpu_count() or 1)
+        self._asked_workers = workers
+        self._address = address or os.environ.get("RAY_ADDRESS") or None
+        self._remote: Any = None
+        self._owns_ray = False
+        self._largest_node = 0.0
+
+    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Iterator[TaskResult]:
+        """See `Executor.run`."""
+        backlog = Backlog(tasks, then)
+        running: dict[Any, _Attempt] = {}
+        try:
+            while True:
+                while len(running) < self._window() and (task := backlog.next()) is not None:
+                    if (finished := find_finished(task, place)) is not None:
+                        backlog.add_followers(finished)
+                        yield finished
+                    else:
+                        attempt = _Attempt(task, task.memory)
+                        running[self._submit(attempt, place)] = attempt
+                if not running:
+                    return
+                reference, attempt = self._wait(running)
+                result = self._collect(reference, attempt)
+                if result is None:
+                    running[self._submit(attempt, place)] = attempt
+                else:
+                    backlog.add_followers(result)
+                    yield result
+        finally:
+            self._cancel(running)
+
+    def close(self) -> None:
+        """Leaves the cluster, and stops it if it was started here."""
+        self._remote = None
+        if self._owns_ray:
+            import ray
+
+            ray.shutdown()
+            self._owns_ray = False
+
+    def _window(self) -> int:
+        """Tasks handed to Ray at once: a few more than can run, so that no worker waits for the driver."""
+        return self.workers if self._asked_workers else self.workers + max(2, self.workers // 4)
+
+    def _submit(self, attempt: _Attempt, place: Workplace) -> Any:
+        remote = self._connect()
+        if attempt.memory > self._largest_node:
+            raise MemoryLimitError(
+                f"a task of stage {attempt.task.stage.name!r} needs about {attempt.memory / 2**30:.1f} GiB of memory, "
+                f"the largest machine gives {self._largest_node / 2**30:.1f} GiB: use a larger one"
+            )
+        return remote.options(memory=attempt.memory).remote(attempt.task, place)
+
+    def _wait(self, running: dict[Any, _Attempt]) -> tuple[Any, _Attempt]:
+        import ray
+
+        ready, _ = ray.wait(list(running), num_returns=1)
+        return ready[0], running.pop(ready[0])
+
+    def _collect(self, reference: Any, attempt: _Attempt) -> TaskResult | None:
+        """The result of a task that has ended; None if it is to be tried again. Raises the task's own error."""
+        import ray
+        from ray import exceptions
+
+        stage = attempt.task.stage.name
+        try:
+            result: TaskResult = ray.get(reference)
+        except exceptions.OutOfMemoryError:
+            attempt.starved += 1
+            attempt.memory = min(2 * attempt.memory, int(self._largest_node))
+            if attempt.starved > MEMORY_ATTEMPTS:
+                raise MemoryLimitError(
+                    f"a task of stage {stage!r} ran out of memory {attempt.starved} times: use fewer --workers, "
+                    "or machines with more memory"
+                ) from None
+            return None
+        except exceptions.RayTaskError as error:
+            raise error.cause from None
+        except (
+            exceptions.WorkerCrashedError,
+            exceptions.NodeDiedError,
+            exceptions.ObjectLostError,
+            exceptions.LocalRayletDiedError,
+            exceptions.TaskUnschedulableError,
+        ) as error:
+            attempt.lost += 1
+            if attempt.lost >= ATTEMPTS:
+                raise WorkerLostError(
+                    f"the worker of a task of stage {stage!r} died {attempt.lost} times ({type(error).__name__}): "
+                    "look for what kills it (memory, most often), then run the same command again"
+                ) from None
+            return None
+        return result
+
+    def _cancel(self, running: dict[Any, _Attempt]) -> None:
+        """Stops tasks at once: a kernel does not listen to softer words. Their temporary results are cleaned later."""
+        if not running:
+            return
+        import ray
+
+        for reference in running:
+            with contextlib.suppress(Exception):
+                ray.cancel(reference, force=True)
+        running.clear()
+
+    def _connect(self) -> Any:
+        """The remote function; starts or joins Ray at first."""
+        if self._remote is not None:
+            return self._remote
+        for name, value in _ENVIRONMENT.items():
+            os.environ.setdefault(name, value)
+        if self._address is None:
+            os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+        import ray
+
+        if not ray.is_initialized():
+            quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
+            try:
+                if self._address is None:
+                    ray.init(
+                        address="local",
+                        num_cpus=self.workers,
+                        include_dashboard=False,
+                        object_store_memory=OBJECT_STORE,
+                        **quiet,
+                    )
+                else:
+                    ray.init(address=self._address, **quiet)
+            except (ConnectionError, RuntimeError, ValueError) as error:
+                where = self._address or "this machine"
+                raise ClusterError(f"no Ray cluster at {where}: {str(error).splitlines()[0]}") from None
+            self._owns_ray = True
+        if self._address is not None and self._asked_workers is None:
+            self.workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        self._largest_node = max((node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0)
+        # Ray's own retries are off: they would be endless where memory runs out. `_collect` decides.
+        self._remote = ray.remote(num_cpus=1, max_retries=0)(run_task)
+        return self._remote

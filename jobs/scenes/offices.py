@@ -1,0 +1,482 @@
+"""Offices: towers of storeys; each storey has a corridor with rooms on both sides, doors, furniture and a stair core.
+
+Walls come in the three manners that real models have: one long slab with openings; boxes that abut, their touching
+coordinates exactly equal; and boxes that run into one another. A larger request adds storeys, then towers.
+Coordinates are multiples of 1/64 m wherever walls, floors and stairs meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jobs.scenes.furnishings import BOOK_CAPACITY, FURNISHINGS, books
+from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z
+from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
+
+RECIPES = FURNISHINGS
+STOREY_TRIANGLES = 60_000  # aimed at per storey
+TOWER_STOREYS = 24
+TOWER_SPACING = (60.0, 48.0)
+
+WIDTH, DEPTH = 36.0, 15.0
+STOREY, CLEAR = 3.5, 3.25  # floor to floor, floor to ceiling
+OUTER, INNER = 0.25, 0.125  # wall thickness
+SOUTH_WALL, NORTH_WALL = 6.25, 8.625  # the corridor's walls start here (y)
+CORRIDOR_Y = 7.5
+CORE = 4.75  # the stair core ends here (x)
+DOOR_WIDTH, DOOR_HEIGHT = 1.0, 2.125
+STRIP = 1.25  # along the corridor walls, inside the rooms, nothing stands
+ROOM_WIDTHS = (4.0, 5.0, 6.0, 7.5)
+KINDS = ("office", "office", "meeting", "library", "open", "kitchen", "lounge")
+
+
+@dataclass(frozen=True)
+class Room:
+    """One room; lengths in metres in the storey's coordinates."""
+
+    number: int
+    north: bool  # of the corridor
+    x0: float
+    x1: float
+    door: float  # the door's middle (x)
+    open: bool  # the door
+    angle: float  # of the open door's leaf, in degrees
+    link: float | None  # the wall (x) with an opening to the next room, if there is one
+    kind: str
+
+    @property
+    def y0(self) -> float:
+        """Where the room's floor begins."""
+        return NORTH_WALL + INNER if self.north else OUTER
+
+    @property
+    def y1(self) -> float:
+        """Where it ends."""
+        return DEPTH - OUTER if self.north else SOUTH_WALL
+
+    @property
+    def strip(self) -> float:
+        """The middle (y) of the strip along the corridor wall."""
+        return self.y0 + STRIP / 2 if self.north else self.y1 - STRIP / 2
+
+
+@dataclass(frozen=True)
+class Item:
+    """Something to be placed in a room if the triangles last: a thing of the stock and where it stands."""
+
+    room: int
+    priority: int
+    thing: str
+    at: Point
+    degrees: float
+
+
+def _storeys(triangles: int) -> int:
+    return max(1, round(triangles / STOREY_TRIANGLES))
+
+
+def _towers(triangles: int) -> list[int]:
+    """Storeys of each tower, as even as can be."""
+    storeys = _storeys(triangles)
+    towers = -(-storeys // TOWER_STOREYS)
+    return [storeys // towers + (k < storeys % towers) for k in range(towers)]
+
+
+def _tower_place(tower: int, towers: int) -> tuple[float, float]:
+    columns = max(1, round(towers**0.5))
+    row, column = divmod(tower, columns)
+    return column * TOWER_SPACING[0], row * TOWER_SPACING[1]
+
+
+def _rooms(seed: int, tower: int) -> list[Room]:
+    """The rooms of every storey of a tower, from west to east, the southern ones first."""
+    rng = np.random.default_rng([seed, 1, tower])
+    rooms: list[Room] = []
+    for north in (False, True):
+        start = CORE + INNER if north else OUTER
+        left = WIDTH - OUTER - start
+        widths: list[float] = []
+        while left - sum(widths) - INNER * len(widths) > 8.5:
+            widths.append(float(rng.choice(ROOM_WIDTHS)))
+        widths.append(left - sum(widths) - INNER * len(widths))
+        x = start
+        for k, width in enumerate(widths):
+            linked = k % 2 == 0 and k + 1 < len(widths)
+            door = x + width / 2 + round(float(rng.uniform(-0.2, 0.2)) * width * 8) / 8
+            rooms.append(
+                Room(
+                    number=len(rooms) + 1,
+                    north=north,
+                    x0=x,
+                    x1=x + width,
+                    door=door,
+                    open=bool(k % 2 == 0 or rng.uniform() < 0.4),
+                    angle=float(rng.integers(80, 96)),
+                    link=x + width if linked else None,
+                    kind="open" if width > 7 else str(rng.choice(KINDS)),
+                )
+            )
+            x += width + INNER
+    return rooms
+
+
+def walk(triangles: int, seed: int) -> Walk:
+    """View points in every room and corridor, and a tour through up to three storeys of the first tower."""
+    towers = _towers(triangles)
+    points: list[Point] = []
+    for tower, storeys in enumerate(towers):
+        dx, dy = _tower_place(tower, len(towers))
+        spots = [(x, CORRIDOR_Y) for x in (1.5, 9.5, 18.0, 26.5, 34.5)]
+        for room in _rooms(seed, tower):
+            spots += [(room.door, room.strip), ((room.x0 + room.x1) / 2, room.strip)]
+        points += [(x + dx, y + dy, k * STOREY + EYE_HEIGHT) for k in range(storeys) for x, y in spots]
+    rooms = _rooms(seed, 0)
+    tour: list[Point] = []
+    for storey in range(min(3, towers[0])):
+        z = storey * STOREY + EYE_HEIGHT
+        tour += [(2.5, CORRIDOR_Y, z)] if storey == 0 else []
+        chosen = [room for room in rooms if room.open][storey % 2 :: 2]
+        for room in sorted(chosen, key=lambda each: each.door):
+            tour += [(room.door, CORRIDOR_Y, z), (room.door, room.strip, z)]
+            partner = next((each for each in rooms if room.link is not None and each.x0 == room.link + INNER and each.north == room.north), None)
+            if partner is not None:
+                middle = (partner.x0 + partner.x1) / 2
+                tour += [(middle, room.strip, z), (room.door, room.strip, z)]
+            tour += [(room.door, CORRIDOR_Y, z)]
+        tour += [(34.5, CORRIDOR_Y, z), (2.5, CORRIDOR_Y, z)]
+        if storey + 1 < min(3, towers[0]):
+            tour += [(2.5, 9.5, z), (1.25, 9.5, z), (1.25, 10.25, z), (1.25, 13.25, z + STOREY / 2), (1.25, 14.0, z + STOREY / 2)]
+            tour += [(3.6875, 14.0, z + STOREY / 2), (3.6875, 13.25, z + STOREY / 2), (3.6875, 10.25, z + STOREY), (3.6875, 9.5, z + STOREY), (2.5, 9.5, z + STOREY), (2.5, CORRIDOR_Y, z + STOREY)]
+    return Walk(np.array(points, np.float64), np.array(tour, np.float64))
+
+
+def build(stage: Stage, triangles: int, seed: int) -> None:
+    """Make the whole scene on `stage`."""
+    towers = _towers(triangles)
+    ground = min(1000, stage.left)
+    storeys_left = sum(towers)
+    columns = max(1, round(len(towers) ** 0.5))
+    rows = -(-len(towers) // columns)
+    stage.writer.begin("offices")
+    lo = (-24.0, -24.0, -0.75)
+    hi = ((columns - 1) * TOWER_SPACING[0] + WIDTH + 24, (rows - 1) * TOWER_SPACING[1] + DEPTH + 24, -0.25)
+    stage.add("ground", boxes([lo], [hi]), "pavement")
+    for tower, storeys in enumerate(towers):
+        rooms = _rooms(seed, tower)
+        stage.writer.begin(f"tower {tower + 1}", *_tower_place(tower, len(towers)))
+        for storey in range(storeys):
+            goal = stage.writer.triangles + stage.left // storeys_left
+            _storey(stage, goal, rooms, np.random.default_rng([seed, 2, tower, storey]), tower, storey, storeys)
+            storeys_left -= 1
+            stage.report()
+        _roof(stage, tower, storeys)
+        stage.writer.end()
+    stage.writer.end()
+
+
+# ------------------------------------------------------------------------------------------------ structure
+
+
+def _roof(stage: Stage, tower: int, storeys: int) -> None:
+    """Roof slab and parapet. They belong to the tower; the last storey has left triangles for them."""
+    z = storeys * STOREY
+    slab = boxes([(0.0, 0.0, z - 0.25)], [(WIDTH, DEPTH, z)])
+    parapet = plate("z", [0.0, OUTER, WIDTH - OUTER, WIDTH], [0.0, OUTER, DEPTH - OUTER, DEPTH], [[1, 1, 1], [1, 0, 1], [1, 1, 1]], z, z + 0.75)
+    stage.add(f"tower {tower + 1} roof", join([slab, parapet]), "dark concrete")
+
+
+def _storey(
+    stage: Stage, goal: int, rooms: list[Room], rng: np.random.Generator, tower: int, storey: int, storeys: int
+) -> None:
+    """One storey; it ends within a few triangles of `goal`, counted over the whole scene."""
+    name = f"tower {tower + 1} storey {storey + 1}"
+    stage.writer.begin(name, z=storey * STOREY)
+    stage.writer.begin(f"{name} structure")
+    _floor(stage, name, storey)
+    _facades(stage, name, storey)
+    for north in (False, True):
+        _corridor_wall(stage, name, rooms, north, ("slab", "abutting", "interpenetrating")[(storey + 2 * north) % 3])
+    _cross_walls(stage, name, rooms, storey)
+    if storey + 1 < storeys:
+        _stairs(stage, name)
+    _services(stage, name, rooms)
+    stage.writer.end()
+    reserve = 44 if storey + 1 == storeys else 0
+    _furnish(stage, goal - reserve, rooms, rng, name)
+    stage.writer.end()
+
+
+def _floor(stage: Stage, name: str, storey: int) -> None:
+    if storey == 0:
+        slab = boxes([(0.0, 0.0, -0.25)], [(WIDTH, DEPTH, 0.0)])
+    else:
+        slab = plate("z", *openings((0.0, WIDTH), (0.0, DEPTH), [(OUTER, CORE, 10.25, DEPTH - OUTER)]), -0.25, 0.0)
+    stage.add(f"{name} floor", slab, "concrete")
+    carpet = boxes([(OUTER, SOUTH_WALL + INNER, 0.0)], [(WIDTH - OUTER, NORTH_WALL, 1 / 64)])
+    stage.add(f"{name} corridor carpet", carpet, "carpet")
+
+
+def _facades(stage: Stage, name: str, storey: int) -> None:
+    """The outer walls with windows, and the windows' frames."""
+    starts = np.arange(1.0, WIDTH - 2.0, 2.5)
+    holes = np.stack([starts, starts + 1.75, np.full_like(starts, 0.875), np.full_like(starts, 2.75)], axis=1)
+    for side, y in (("south", 0.0), ("north", DEPTH - OUTER)):
+        wall = plate("y", *openings((0.0, WIDTH), (0.0, CLEAR), holes), y, y + OUTER)
+        stage.add(f"{name} {side} wall", wall, "cream")
+    ends = [(SOUTH_WALL + 0.25, NORTH_WALL - 0.125, 0.0 if storey == 0 else 0.875, 2.75)]
+    for side, x in (("west", 0.0), ("east", WIDTH - OUTER)):
+        wall = plate("x", *openings((OUTER, DEPTH - OUTER), (0.0, CLEAR), ends), x, x + OUTER)
+        stage.add(f"{name} {side} wall", wall, "cream")
+    u0, u1, v0, v1 = holes.T
+    bars_lo, bars_hi = [], []
+    for y in (0.09375, DEPTH - 0.15625):
+        for a0, a1, b0, b1 in (
+            (u0, u0 + 0.0625, v0, v1), (u1 - 0.0625, u1, v0, v1), (u0 + 0.0625, u1 - 0.0625, v0, v0 + 0.0625),
+            (u0 + 0.0625, u1 - 0.0625, v1 - 0.0625, v1), ((u0 + u1) / 2 - 0.03125, (u0 + u1) / 2 + 0.03125, v0 + 0.0625, v1 - 0.0625),
+        ):
+            bars_lo.append(np.stack([a0, np.full_like(a0, y), b0], axis=1))
+            bars_hi.append(np.stack([a1, np.full_like(a0, y + 0.0625), b1], axis=1))
+    stage.add(f"{name} window frames", boxes(np.concatenate(bars_lo), np.concatenate(bars_hi)), "slate")
+    sills = [(u0 - 0.0625, u1 + 0.0625, y0, y1) for y0, y1 in ((-0.0625, 0.0625), (DEPTH - 0.0625, DEPTH + 0.0625))]
+    lo = np.concatenate([np.stack([a, np.full_like(a, y), v0 - 0.0625], axis=1) for a, _, y, _ in sills])
+    hi = np.concatenate([np.stack([b, np.full_like(b, y), v0], axis=1) for _, b, _, y in sills])
+    stage.add(f"{name} window sills", boxes(lo, hi), "light grey")
+
+
+def _wall(axis: str, span: tuple[float, float], holes: list[tuple[float, float, float, float]], near: float, far: float, manner: str) -> Mesh:
+    """A wall with openings down to the floor, built in one of the three manners."""
+    us, vs, solid = openings(span, (0.0, CLEAR), holes)
+    if manner == "slab":
+        return plate(axis, us, vs, solid, near, far)
+    columns = [(float(us[k]), float(us[k + 1]), bool(solid[k].all())) for k in range(len(us) - 1)]
+    ranges: list[tuple[float, float, float, float, float]] = []
+    if manner == "abutting":
+        for u0, u1, whole in columns:
+            ranges.append((u0, u1, 0.0 if whole else DOOR_HEIGHT, CLEAR, 0.0))
+    else:
+        for u0, u1, whole in columns:
+            if whole:
+                ranges.append((u0, u1, 0.0, DOOR_HEIGHT + 0.5, 1 / 64))
+        ranges.append((us[0] - 0.0625, us[-1] + 0.0625, DOOR_HEIGHT, CLEAR, 0.0))
+    lo, hi = [], []
+    for u0, u1, z0, z1, inset in ranges:
+        low, high = ([u0, near + inset, z0], [u1, far - inset, z1]) if axis == "y" else ([near + inset, u0, z0], [far - inset, u1, z1])
+        lo.append(low)
+        hi.append(high)
+    return boxes(lo, hi)
+
+
+def _corridor_wall(stage: Stage, name: str, rooms: list[Room], north: bool, manner: str) -> None:
+    y = NORTH_WALL if north else SOUTH_WALL
+    holes = [(r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT) for r in rooms if r.north == north]
+    if north:
+        holes.append((1.75, 3.25, 0.0, DOOR_HEIGHT))
+    side = "north" if north else "south"
+    stage.add(f"{name} {side} corridor wall ({manner})", _wall("y", (OUTER, WIDTH - OUTER), holes, y, y + INNER, manner), "plaster")
+
+
+def _cross_walls(stage: Stage, name: str, rooms: list[Room], storey: int) -> None:
+    core = boxes([(CORE, NORTH_WALL + INNER, 0.0)], [(CORE + INNER, DEPTH - OUTER, CLEAR)])
+    stage.add(f"{name} core wall", core, "concrete")
+    for room in rooms:
+        if room.x1 >= WIDTH - OUTER:
+            continue
+        middle = room.strip
+        holes = [] if room.link is None else [(middle - DOOR_WIDTH / 2, middle + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)]
+        manner = ("abutting", "slab", "interpenetrating")[(storey + room.number) % 3]
+        wall = _wall("x", (room.y0, room.y1), holes, room.x1, room.x1 + INNER, manner)
+        stage.add(f"{name} wall {room.number} ({manner})", wall, "plaster")
+
+
+def _stairs(stage: Stage, name: str) -> None:
+    """Two flights of ten steps and a landing: boxes that abut; railings of round bars."""
+    rise, run, first = STOREY / 20, 0.3, 10.25
+    k = np.arange(10)
+    up_lo = np.stack([np.full(10, 0.375), first + k * run, np.maximum(k * rise - 0.125, 0.0)], axis=1)
+    up_hi = np.stack([np.full(10, 2.125), first + (k + 1) * run, (k + 1) * rise], axis=1)
+    landing = ([(OUTER, 13.25, STOREY / 2 - 0.25)], [(CORE, DEPTH - OUTER, STOREY / 2)])
+    down_lo = np.stack([np.full(10, 2.75), 13.25 - (k + 1) * run, STOREY / 2 + k * rise - 0.125], axis=1)
+    down_hi = np.stack([np.full(10, 4.625), 13.25 - k * run, STOREY / 2 + (k + 1) * rise], axis=1)
+    steps = boxes(np.concatenate([up_lo, landing[0], down_lo]), np.concatenate([up_hi, landing[1], down_hi]))
+    stage.add(f"{name} stairs", steps, "concrete")
+    high = 1.0
+    rails = tubes(
+        [[[2.0, first, 0.2], [2.0, first, high], [2.0, 13.25, STOREY / 2 + high], [2.0, 13.25, STOREY / 2 + 0.1]],
+         [[2.875, first, STOREY + 0.0], [2.875, first, STOREY + high], [2.875, 13.25, STOREY / 2 + high], [2.875, 13.25, STOREY / 2 + 0.1]]],
+        0.025, 2.0, 12, 4,
+    )
+    along = first + np.arange(1, 20) * run / 2
+    t = (along - first) / 3.0
+    bars_lo = np.concatenate([np.stack([np.full(19, x), along, base + 0.05], axis=1) for x, base in ((2.0, t * STOREY / 2), (2.875, STOREY - t * STOREY / 2))])
+    bars = cylinders(bars_lo, bars_lo + (0, 0, high - 0.05), 0.009, 6)
+    stage.add(f"{name} stair railings", join([rails, bars]), "black")
+
+
+def _services(stage: Stage, name: str, rooms: list[Room]) -> None:
+    """A duct and pipes under the corridor's ceiling, door frames, skirting boards."""
+    x0, x1 = OUTER + 0.25, WIDTH - OUTER - 0.25
+    stage.add(f"{name} duct", boxes([(x0, 6.75, 2.8125)], [(x1, 7.25, 3.125)]), "galvanised")
+    ys = np.array([7.75, 7.90625, 8.0625])
+    pipes = cylinders(np.stack([np.full(3, x0), ys, np.full(3, 2.9375)], axis=1), np.stack([np.full(3, x1), ys, np.full(3, 2.9375)], axis=1), [0.05, 0.04, 0.03], 16)
+    hangers = np.arange(2.0, x1, 3.0)
+    straps = boxes(np.stack([hangers, np.full_like(hangers, 7.6875), np.full_like(hangers, 2.84375)], axis=1), np.stack([hangers + 0.03125, np.full_like(hangers, 8.125), np.full_like(hangers, 2.875)], axis=1))
+    stage.add(f"{name} corridor pipes", join([pipes, straps]), "brass")
+    frames_lo, frames_hi, boards_lo, boards_hi = [], [], [], []
+    for room in rooms:
+        near, far = (NORTH_WALL, NORTH_WALL + INNER) if room.north else (SOUTH_WALL, SOUTH_WALL + INNER)
+        near, far = near - 1 / 32, far + 1 / 32
+        left, right = room.door - DOOR_WIDTH / 2, room.door + DOOR_WIDTH / 2
+        frames_lo += [(left - 1 / 16, near, 0.0), (right - 1 / 64, near, 0.0), (left + 1 / 64, near, DOOR_HEIGHT - 1 / 64)]
+        frames_hi += [(left + 1 / 64, far, DOOR_HEIGHT + 1 / 16), (right + 1 / 16, far, DOOR_HEIGHT + 1 / 16), (right - 1 / 64, far, DOOR_HEIGHT + 1 / 16)]
+        y = room.y1 if room.north else room.y0
+        low, high = (y - 1 / 64, y) if room.north else (y, y + 1 / 64)
+        boards_lo.append((room.x0, low, 0.0))
+        boards_hi.append((room.x1, high, 0.125))
+    stage.add(f"{name} door frames", boxes(frames_lo, frames_hi), "wood dark")
+    stage.add(f"{name} skirting boards", boxes(boards_lo, boards_hi), "white")
+
+
+# ------------------------------------------------------------------------------------------------ furniture
+
+
+def _workplace(room: Room, x: float, y: float, degrees: float) -> Iterator[Item]:
+    """A desk at (x, y) with what stands on it; the person sits on its -y side, turned by `degrees`."""
+    turn = turn_z(degrees)
+
+    def at(dx: float, dy: float, z: float) -> Point:
+        ox, oy, _ = turn @ (dx, dy, 0.0)
+        return (x + float(ox), y + float(oy), z)
+
+    yield Item(room.number, 0, "desk", at(0, 0, 0), degrees)
+    yield Item(room.number, 1, "chair", at(0.05, -0.72, 0), degrees + 180)
+    yield Item(room.number, 2, "monitor", at(-0.1, 0.22, 0.75), degrees)
+    yield Item(room.number, 2, "computer", at(-0.62, 0.08, 0), degrees)
+    yield Item(room.number, 5, "keyboard", at(-0.1, -0.12, 0.75), degrees)
+    yield Item(room.number, 6, "desk lamp", at(0.62, 0.2, 0.75), degrees)
+    yield Item(room.number, 7, "cup", at(0.4, -0.1, 0.75), degrees + 40)
+
+
+def _items(room: Room, rng: np.random.Generator) -> Iterator[Item]:
+    """What the room may hold. Nothing stands in the strip along the corridor wall."""
+    number, facing = room.number, 180.0 if room.north else 0.0
+    outer = room.y1 if room.north else room.y0  # the facade's inner face
+    inward = -1.0 if room.north else 1.0
+    deep = room.y1 - room.y0 - STRIP  # of the part that may be filled
+    middle, width = (room.x0 + room.x1) / 2, room.x1 - room.x0
+
+    def y(distance: float) -> float:
+        return outer + inward * distance
+
+    hinge = room.door + (DOOR_WIDTH / 2 - 0.02) * (1 if room.link is None else -1)
+    along = 180.0 if room.link is None else 0.0  # the closed leaf's direction from its hinge
+    swing = (room.angle if room.open else 0.0) * (1 if (room.link is None) != room.north else -1)
+    wall = NORTH_WALL + INNER - 0.02 if room.north else SOUTH_WALL + 0.02
+    if room.north:
+        swing = room.angle * (-1 if room.link is None else 1) * room.open
+    else:
+        swing = room.angle * (1 if room.link is None else -1) * room.open
+    yield Item(number, 0, "door leaf", (hinge, wall, 0.0), along + swing)
+    for k in range(max(1, round(width / 2.5))):
+        x = room.x0 + (k + 0.5) * width / max(1, round(width / 2.5))
+        yield Item(number, 3, "ceiling lamp", (x, y(1.6), CLEAR), 90.0)
+        yield Item(number, 4, "ceiling lamp", (x, y(3.8), CLEAR), 90.0)
+        yield Item(number, 3, "radiator", (x, y(0.08), 0.0), 0.0)
+    yield Item(number, 4, "bin", (room.x0 + 0.3, y(deep - 0.2), 0.0), 0.0)
+    yield Item(number, 6, "pot plant", (room.x1 - 0.35, y(0.5), 0.0), float(rng.integers(0, 360)))
+    if room.kind in ("office", "open"):
+        pairs = max(1, int((width - 1.8) / 3.4))
+        for k in range(pairs):
+            x = room.x0 + 0.4 + (k + 0.5) * (width - 0.8) / pairs
+            for side in (-1.0, 1.0):
+                yield from _workplace(room, x + side * 0.42, y(1.5), -90.0 * side)
+                if deep > 3.8:
+                    yield from _workplace(room, x + side * 0.42, y(3.3), -90.0 * side)
+    elif room.kind == "meeting":
+        yield Item(number, 0, "meeting table", (middle, y(2.4), 0.0), 90.0 if width < 4.9 else 0.0)
+        for k in range(3):
+            for side in (-1.0, 1.0):
+                offset = (k - 1) * 1.1
+                at, turn = ((middle + side * 0.95, y(2.4) + offset, 0.0), 90.0 * side + 180) if width < 4.9 else ((middle + offset, y(2.4) + side * 0.95, 0.0), 0.0 if side > 0 else 180.0)
+                yield Item(number, 1, "visitor chair", at, turn - 180.0 if width < 4.9 else turn)
+                yield Item(number, 7, "cup", (middle + (0.4 * side if width < 4.9 else offset), y(2.4) + (offset if width < 4.9 else 0.4 * side), 0.75), 20.0 * k)
+        yield Item(number, 3, "whiteboard", (room.x1 - 0.02, y(2.4), 0.0), -90.0)
+    elif room.kind == "lounge":
+        for k, x in enumerate(np.arange(room.x0 + 1.3, room.x1 - 1.0, 2.4).tolist()):
+            yield Item(number, 0, "sofa blue" if k % 2 else "sofa red", (x, y(0.75), 0.0), 180.0 + facing)
+            yield Item(number, 3, "cushion", (x - 0.5, y(0.75), 0.42), 0.0)
+            yield Item(number, 1, "visitor chair", (x, y(3.2), 0.0), facing)
+        yield Item(number, 5, "pot plant", (room.x0 + 0.4, y(3.9), 0.0), 30.0)
+    elif room.kind == "kitchen":
+        yield Item(number, 0, "kitchen", (room.x0 + 0.36, y(2.2), 0.0), 90.0)
+        for k in range(2):
+            yield Item(number, 0, "desk", (room.x0 + 2.4, y(1.2 + 2.1 * k), 0.0), 0.0)
+            for side in (-1.0, 1.0):
+                for dx in (-0.4, 0.4):
+                    yield Item(number, 1, "visitor chair", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.65 * side, 0.0), 0.0 if side > 0 else 180.0)
+                    yield Item(number, 7, "cup", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.2 * side, 0.75), 0.0)
+    else:
+        for row in range(2 if width < 5.5 else 3):
+            for k in range(4):
+                x = room.x0 + 1.4 + row * (width - 2.6) / (1 if width < 5.5 else 2)
+                for side in (-1.0, 1.0):
+                    yield Item(number, 1 + row, "shelf", (x + 0.16 * side, y(0.75 + 1.0 * k), 0.0), 90.0 * side)
+    free = room.kind not in ("kitchen",)
+    for k in range(int((deep - 0.3) / 1.02)):
+        if free:
+            yield Item(number, 2 + k % 3, "shelf" if k < 3 else "cabinet", (room.x0 + 0.18, y(0.9 + 1.02 * k), 0.0), 90.0)
+        if room.kind not in ("meeting",) and width > 4.5:
+            yield Item(number, 3 + k % 3, "shelf", (room.x1 - 0.18, y(1.3 + 1.02 * k), 0.0), -90.0)
+
+
+def _furnish(stage: Stage, goal: int, rooms: list[Room], rng: np.random.Generator, name: str) -> None:
+    """Furnish the rooms up to `goal` triangles (of the scene); books fill what is left."""
+    items = [item for room in rooms for item in _items(room, rng)]
+    order = sorted(range(len(items)), key=lambda k: (items[k].priority, float(rng.uniform())))
+    left = goal - stage.writer.triangles
+    filler = 12 * BOOK_CAPACITY
+    chosen: list[int] = []
+    shelves: list[int] = []
+    for k in order:
+        cost = stage.cost(items[k].thing)
+        if cost <= left:
+            left -= cost
+            chosen.append(k)
+            if items[k].thing == "shelf":
+                shelves.append(k)
+    stocked: dict[int, int] = {}
+    fresh: dict[int, int] = {}
+    for k in shelves:
+        variant = int(rng.integers(0, 8))
+        cost = stage.cost(f"books {variant}")
+        if left > cost + filler:
+            stocked[k] = variant
+        else:
+            fresh[k] = min(BOOK_CAPACITY, left // 12)
+            cost = 12 * fresh[k]
+        left -= cost
+    by_room: dict[int, list[int]] = {room.number: [] for room in rooms}
+    for k in sorted(chosen):
+        by_room[items[k].room].append(k)
+    for room in rooms:
+        stage.writer.begin(f"{name} room {room.number} ({room.kind})")
+        for k in by_room[room.number]:
+            item = items[k]
+            label = f"{name} room {room.number} {item.thing} {k}"
+            turn = turn_z(item.degrees)
+            stage.put(label, item.thing, item.at, turn)
+            if k in stocked:
+                stage.put(f"{label} books", f"books {stocked[k]}", item.at, turn)
+            elif fresh.get(k):
+                pairs = [(mesh, stage.material(material)) for mesh, material in books(fresh[k], rng)]
+                stage.writer.place(f"{label} books", stage.writer.mesh(f"{label} books", pairs), item.at, turn)
+        stage.writer.end()
+    corridor: NDArray[np.float64] = np.arange(3.0, WIDTH - 2.0, 4.0)
+    stage.writer.begin(f"{name} corridor")
+    for x in corridor.tolist():
+        if stage.cost("ceiling lamp") <= goal - stage.writer.triangles:
+            stage.put(f"{name} corridor lamp {x:g}", "ceiling lamp", (x, 7.5, CLEAR), turn_z(0.0))
+    stage.writer.end()

@@ -1,0 +1,252 @@
+"""The work of each kind of task. These functions run in worker processes; heavy modules are imported inside.
+
+Each is a `jobs.tasks.Work`: it gets the workplace, a fresh directory to write into, what decides the result (payload)
+and where its inputs lie (places), and returns a small record.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jobs.tasks import Json, Stage, content_key
+from jobs.workplace import Workplace
+
+if TYPE_CHECKING:
+    from jobs.cells import CellParameters
+    from jobs.importing.model import Model
+    from storage.store import Geometry
+
+#: File of a tables task: the manifest's section on geometry.
+SECTION = "geometry.json"
+
+#: File of a layout task: see `shards_needed`.
+NEEDS = "needs.json"
+
+_TABLES = ("storage.tables", "storage.columns")
+_GEOMETRY = (*_TABLES, "storage.frames", "storage.geometry", "storage.writer")
+
+IMPORT = Stage(
+    "import", "jobs.stages:import_files", ("jobs.stages", "jobs.importing", *_TABLES), ("numpy", "trimesh", "pycollada")
+)
+DETAIL = Stage(
+    "detail",
+    "jobs.stages:make_detail",
+    ("jobs.stages", "jobs.assemble", "jobs.objects", "jobs.detail", *_GEOMETRY),
+    ("numpy", "numba", "fast-simplification", "imagecodecs", "zstandard"),
+)
+TABLES = Stage(
+    "tables", "jobs.stages:join_tables", ("jobs.stages", "jobs.assemble", "storage.octree", *_GEOMETRY), ("zstandard",)
+)
+CELLS = Stage(
+    "cells",
+    "jobs.stages:compute_cells",
+    ("jobs.stages", "jobs.cells", "jobs.visibility", "storage.detail", "storage.octree", *_TABLES),
+    ("numpy", "numba"),
+)
+LAYOUT = Stage("layout", "jobs.stages:lay_out_cells", ("jobs.stages", "storage.octree", *_TABLES))
+SHARDS = Stage(
+    "shards",
+    "jobs.stages:write_cells",
+    ("jobs.stages", "storage.codecs", "storage.deltas", "storage.spanning_tree", *_GEOMETRY),
+    ("zstandard",),
+)
+
+
+def import_files(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """Model files to parts."""
+    from jobs.importing.model import ImportOptions, import_model, open_model
+
+    options = ImportOptions(**payload["options"])
+    import_model([Path(path) for path in places["inputs"]], out / "model", options)
+    model = open_model(out / "model")
+    return {
+        "model": {
+            "digest": model.digest,
+            "triangles": int(model.triangle_count),
+            "lo": [float(value) for value in model.lo],
+            "hi": [float(value) for value in model.hi],
+            "origin": [float(value) for value in model.origin],
+            "up": model.up,
+            "unit_in_metres": model.unit_in_metres,
+        },
+        "repairs": dict(model.report),
+    }
+
+
+def imported_model(place: Workplace, key: str) -> Model:
+    """The result of an import task."""
+    from jobs.importing.model import open_model
+
+    return open_model(place.result(IMPORT.name, key) / "model")
+
+
+def make_detail(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """Some meshes' pieces with their levels to a geometry shard, and the nodes and drawables of all their placements."""
+    from jobs.assemble import Placement, join, largest_stretch, place_piece
+    from jobs.detail.pieces import DetailOptions, build_pieces
+    from storage.writer import write_geometry_shard
+
+    model = imported_model(place, places["import"])
+    meshes = payload["meshes"]
+    parts = np.flatnonzero(np.isin(model.parts["mesh"], meshes))
+    instances = np.cumsum(~model.parts["identity"]) - 1
+    stretch = largest_stretch(model.parts["matrix"][parts])
+    placements: dict[int, list[Placement]] = {mesh: [] for mesh in meshes}
+    for part, factor in zip(parts.tolist(), stretch.tolist(), strict=True):
+        row = model.parts[part]
+        instance = -1 if row["identity"] else int(instances[part])
+        placements[int(row["mesh"])].append(Placement(part, instance, row["matrix"], factor))
+
+    tables: list[tuple[np.ndarray, np.ndarray, int]] = []
+
+    def stored() -> Any:
+        for piece in build_pieces(model, meshes, DetailOptions(**payload["options"])):
+            tables.append((*place_piece(piece, placements[piece.mesh], model.grid, 0), len(piece.levels)))
+            yield [
+                (level.positions, level.triangles, level.normals, level.colours, level.source_faces, piece.scale)
+                for level in piece.levels
+            ]
+
+    shard = write_geometry_shard(place.store, stored())
+    nodes, drawables = join(tables, model.lo, model.hi)
+    np.save(out / "nodes.npy", nodes)
+    np.save(out / "drawables.npy", drawables)
+    np.save(out / "geometry.npy", shard.geometry)
+    np.save(out / "packs.npy", shard.packs)
+    return {"shards": [[shard.name, shard.bytes]], "content": _content(nodes, drawables, shard.geometry, shard.packs)}
+
+
+def join_tables(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """The small tables of all detail tasks to the model's tables and the manifest's section on geometry."""
+    from jobs.assemble import join
+    from storage.tables import INSTANCE, PART
+    from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
+
+    model = imported_model(place, places["import"])
+    records, chunks = [], []
+    for key, (name, size) in zip(places["detail"], payload["shards"], strict=True):
+        folder = place.result(DETAIL.name, key)
+        geometry = np.load(folder / "geometry.npy")
+        records.append(GeometryShardRecord(name, size, geometry, np.load(folder / "packs.npy")))
+        chunks.append((np.load(folder / "nodes.npy"), np.load(folder / "drawables.npy"), len(geometry)))
+    nodes, drawables = join(chunks, model.lo, model.hi)
+    geometry, packs, shards = join_geometry(records)
+
+    triangles = model.meshes["triangles"][model.parts["mesh"]]
+    parts = np.zeros(len(model.parts), PART)
+    parts["mesh"], parts["faces"] = model.parts["mesh"], triangles
+    placed = model.parts["matrix"][~model.parts["identity"]]
+    instances = np.zeros(len(placed), INSTANCE)
+    instances["matrix"] = placed
+    names = [model.names[name] for name in model.parts["name"].tolist()]
+    tables = write_tables_shard(place.store, parts, names, instances, geometry, packs, nodes, drawables)
+    section = geometry_section(place.store, model.grid.step, tables, shards)
+    (out / SECTION).write_text(json.dumps(section, sort_keys=True))
+    return {"shards": [section["tables"]], "content": content_key(section), "counts": section["counts"]}
+
+
+def compute_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """A subtree of view cells with what can be seen from each."""
+    from jobs.cells import compute_subtree
+
+    store = _geometry(place.store, place.result(TABLES.name, places["tables"]) / SECTION)
+    result = compute_subtree(store, payload["root"], cell_parameters(payload["parameters"]))
+    np.save(out / "cells.npy", result.cells)
+    np.save(out / "offsets.npy", result.offsets)
+    np.save(out / "ids.npy", result.ids)
+    return {
+        "open_keys": [int(key) for key in result.open_keys],
+        "cells": len(result.cells),
+        "content": _content(result.cells, result.offsets, result.ids),
+    }
+
+
+def lay_out_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """The order of all cells, and which of them share a face.
+
+    Each task's cells become one shard, in the order of the tasks' root keys; they are numbered shard by shard.
+    """
+    from storage.octree import neighbours
+
+    keys = [np.load(place.result(CELLS.name, key) / "cells.npy")["key"] for key in places["cells"]]
+    starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
+    pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
+    np.save(out / "starts.npy", starts)
+    np.save(out / "pairs.npy", pairs)
+    shard = np.searchsorted(starts, pairs, side="right") - 1
+    needs = [sorted({number, *shard[shard[:, 0] == number, 1].tolist()}) for number in range(len(keys))]
+    (out / NEEDS).write_text(json.dumps(needs))
+    return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": _content(starts, pairs)}
+
+
+def shards_needed(place: Workplace, key: str) -> list[list[int]]:
+    """For each cell shard of a layout, the shards whose cells it needs to know, itself among them."""
+    needs: list[list[int]] = json.loads((place.result(LAYOUT.name, key) / NEEDS).read_text())
+    return needs
+
+
+def write_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+    """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
+    from storage.writer import write_cell_shard
+
+    layout = place.result(LAYOUT.name, places["layout"])
+    starts = np.load(layout / "starts.npy")
+    number = payload["shard"]
+    first, end = int(starts[number]), int(starts[number + 1])
+    pairs = np.load(layout / "pairs.npy", mmap_mode="r")
+    pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
+    sets: dict[int, np.ndarray] = {}
+    cells = np.zeros(0)
+    for other, key in zip(payload["needs"], places["cells"], strict=True):
+        folder = place.result(CELLS.name, key)
+        offsets, ids = np.load(folder / "offsets.npy"), np.load(folder / "ids.npy", mmap_mode="r")
+        for at in range(len(offsets) - 1):
+            sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
+        if other == number:
+            cells = np.load(folder / "cells.npy")
+    name = write_cell_shard(
+        place.store,
+        cells,
+        [sets[cell] for cell in range(first, end)],
+        [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
+        first=first,
+    )
+    return {"shards": [[name, (place.store / "shards" / name).stat().st_size]]}
+
+
+def cell_parameters(payload: Json) -> CellParameters:
+    """The parameters of cells from a task's payload."""
+    from jobs.cells import CellParameters
+    from jobs.visibility.engine import EngineSettings
+    from storage.octree import Octree
+
+    values = dict(payload)
+    return CellParameters(
+        octree=Octree(tuple(values.pop("octree_lo")), values.pop("octree_size")),
+        view_lo=tuple(values.pop("view_lo")),
+        view_hi=tuple(values.pop("view_hi")),
+        engine=EngineSettings(**values.pop("engine")),
+        **values,
+    )
+
+
+def _content(*arrays: np.ndarray) -> str:
+    """Hash of arrays' bytes."""
+    digest = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+@functools.lru_cache(maxsize=1)
+def _geometry(root: Path, section: Path) -> Geometry:
+    """The geometry of a store that has no cells yet; a worker keeps it for its next task."""
+    from storage.store import open_geometry
+
+    return open_geometry(root, json.loads(section.read_text()))

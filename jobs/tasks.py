@@ -1,0 +1,147 @@
+"""What a task is: a function, its payload, and a key that names the result.
+
+The key is a hash of the stage's name, the stage's code and the payload. A finished key never runs again: retry, a lost
+node, a killed driver, resuming and building again after a change are one and the same path.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from jobs.memory import peak_memory, reset_peak
+from jobs.workplace import Workplace
+
+RECORD = "record.json"
+
+Json = Mapping[str, Any]
+
+#: The work of a task: (workplace, directory to write into, payload, places) -> record. The record is small JSON;
+#: "shards" in it, a list of [name, bytes], are files of the store's shards folder that belong to the result.
+Work = Callable[[Workplace, Path, Json, Json], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A kind of task."""
+
+    name: str  # also the results' folder
+    function: str  # "module:name" of its `Work`
+    code: tuple[str, ...]  # modules and packages whose source decides the result
+    distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
+
+    @functools.cached_property
+    def version(self) -> str:
+        """Hash of the stage's source and of the versions it relies on: changed code never meets old results."""
+        digest = hashlib.blake2b(digest_size=16)
+        for module in self.code:
+            for path in _sources(module):
+                digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+        for distribution in self.distributions:
+            digest.update(f"{distribution}=={importlib.metadata.version(distribution)}\0".encode())
+        return digest.hexdigest()
+
+    def load(self) -> Work:
+        """Imports the stage's function."""
+        module, _, name = self.function.partition(":")
+        work: Work = getattr(importlib.import_module(module), name)
+        return work
+
+
+@dataclass(frozen=True)
+class Task:
+    """One piece of work."""
+
+    stage: Stage
+    payload: Json  # everything that decides the result, as JSON
+    places: Json = field(default_factory=dict)  # where inputs lie, as JSON: not part of the key
+    memory: int = 512 << 20  # estimate of what it needs, in bytes
+
+    @functools.cached_property
+    def key(self) -> str:
+        """32 hex digits: the same for the same content, whatever the order of the payload's names."""
+        return content_key(self.stage.name, self.stage.version, self.payload)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """What a finished task says of itself."""
+
+    task: Task
+    record: Json  # what the stage's function returned
+    seconds: float  # that the work took, when it was done
+    peak_memory: int  # of the process that did it, in bytes
+    reused: bool  # it was finished before
+
+    @property
+    def key(self) -> str:
+        """The task's key."""
+        return self.task.key
+
+
+def canonical_json(value: Any) -> str:
+    """JSON text that is the same for equal values. Raises TypeError or ValueError for what JSON cannot say."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
+
+
+def content_key(*parts: Any) -> str:
+    """Key of a list of JSON values."""
+    return hashlib.blake2b(canonical_json(parts).encode(), digest_size=16).hexdigest()
+
+
+def find_finished(task: Task, place: Workplace) -> TaskResult | None:
+    """The result of a task that was finished before, if all of it is still there."""
+    try:
+        saved = json.loads((place.result(task.stage.name, task.key) / RECORD).read_text())
+        for name, size in saved["record"].get("shards", ()):
+            if (place.store / "shards" / name).stat().st_size != size:
+                return None
+    except (OSError, ValueError, KeyError):
+        return None
+    return TaskResult(task, saved["record"], saved["seconds"], saved["peak_memory"], reused=True)
+
+
+def run_task(task: Task, place: Workplace) -> TaskResult:
+    """Does the work of a task, unless it is finished, and publishes the result under its key.
+
+    May be killed at any moment and run again, here or elsewhere, even twice at once.
+    """
+    if finished := find_finished(task, place):
+        return finished
+    stage, key = task.stage.name, task.key
+    unusable = place.result(stage, key)
+    if unusable.exists():
+        shutil.rmtree(unusable)
+    temporary = place.new_temporary(stage, key)
+    try:
+        reset_peak()
+        began = time.perf_counter()
+        record = task.stage.load()(place, temporary, task.payload, task.places)
+        seconds = time.perf_counter() - began
+        peak = peak_memory()
+        saved = {"record": record, "seconds": round(seconds, 6), "peak_memory": peak}
+        (temporary / RECORD).write_text(json.dumps(saved, sort_keys=True))
+        place.publish(temporary, stage, key)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    return TaskResult(task, record, seconds, peak, reused=False)
+
+
+def _sources(module: str) -> list[Path]:
+    """The source files of a module, or of a package with all its modules, sorted by path."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"no module named {module!r}", name=module)
+    origin = Path(spec.origin)
+    return sorted(origin.parent.rglob("*.py")) if origin.name == "__init__.py" else [origin]

@@ -1,0 +1,269 @@
+"""Checks a finished store: its bytes, its deltas, its detail, and its visibility against an oracle.
+
+What is checked:
+- every checksum of every shard and of the manifest;
+- every delta across a boundary is consistent with the vLODs of both its cells;
+- every cell's vLOD is part of its cut, and the cut stands for every node once, at an error below the pixel error;
+- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from jobs.oracle import Oracle, Sight, examine
+from storage import open_store
+from storage.errors import ParameterError
+from storage.store import Store
+
+#: Problems of one kind that are spelled out; the rest is counted.
+MOST_TOLD = 20
+#: Bytes of triangles kept for the next cell.
+MESH_CACHE = 1 << 30
+
+
+@dataclass(frozen=True)
+class CellFindings:
+    """What the oracle found in one cell."""
+
+    cell: int
+    key: int
+    rays: int
+    reported_drawables: int
+    seen_drawables: int
+    reported_triangles: int
+    seen_triangles: int
+    missed: int
+    refuted: int
+    seconds: float
+
+
+@dataclass
+class VerifyReport:
+    """The result of `verify`. `problems` is empty in a sound store."""
+
+    store: str
+    cells: int  # computed cells in the store
+    boundaries: int  # boundaries whose deltas were checked
+    samples: int  # rays asked for in each sampled cell
+    seed: int
+    sampled: list[CellFindings] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    untold: int = 0  # problems beyond those that are spelled out
+    seconds: float = 0.0
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found wrong."""
+        return not self.problems
+
+    @property
+    def missed(self) -> int:
+        """Drawables seen by the oracle but missing from a cell's vLOD."""
+        return sum(cell.missed for cell in self.sampled)
+
+    @property
+    def rays(self) -> int:
+        """All rays cast."""
+        return sum(cell.rays for cell in self.sampled)
+
+    @property
+    def tightness(self) -> dict[str, float | None]:
+        """Reported over seen, all sampled cells together, in triangles and in drawables."""
+        result: dict[str, float | None] = {}
+        for unit in ("triangles", "drawables"):
+            seen = sum(getattr(cell, f"seen_{unit}") for cell in self.sampled)
+            reported = sum(getattr(cell, f"reported_{unit}") for cell in self.sampled)
+            result[unit] = reported / seen if seen else None
+        return result
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything, ready for `json.dumps`."""
+        return {
+            "store": self.store,
+            "ok": self.ok,
+            "cells": self.cells,
+            "boundaries": self.boundaries,
+            "sampled_cells": len(self.sampled),
+            "samples_per_cell": self.samples,
+            "rays": self.rays,
+            "missed": self.missed,
+            "refuted": sum(cell.refuted for cell in self.sampled),
+            "tightness": self.tightness,
+            "seconds": round(self.seconds, 3),
+            "seed": self.seed,
+            "problems": self.problems,
+            "problems_untold": self.untold,
+            "per_cell": [asdict(cell) for cell in self.sampled],
+        }
+
+    def tell(self, kind_count: int, problem: str) -> None:
+        """Note a problem; only the first MOST_TOLD of a kind are spelled out."""
+        if kind_count <= MOST_TOLD:
+            self.problems.append(problem)
+        else:
+            self.untold += 1
+
+
+def verify(
+    url: str,
+    *,
+    samples: int = 1000,
+    cells: int = 100,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> VerifyReport:
+    """Check a store.
+
+    Args:
+        url: of the store.
+        samples: rays per sampled cell; 0 leaves the oracle out.
+        cells: how many cells to sample, spread evenly over the octree's order; all where the store has no more.
+        seed: of the sampling.
+        progress: called with (done, total) sampled cells.
+
+    Raises:
+        StoreNotFoundError, CorruptStoreError: the store cannot even be opened.
+        ParameterError: samples or cells below 0.
+    """
+    if samples < 0 or cells < 0:
+        raise ParameterError(f"samples and cells must not be negative, not {samples} and {cells}")
+    began = time.perf_counter()
+    store = open_store(url)
+    computed = np.flatnonzero(store.cells["computed"])
+    report = VerifyReport(store=url, cells=len(computed), boundaries=0, samples=samples, seed=seed)
+    for count, problem in enumerate(store.check(), 1):
+        report.tell(count, str(problem))
+    if report.ok:
+        _check_deltas(store, computed, report)
+        chosen = (
+            computed[np.unique(np.linspace(0, len(computed) - 1, min(cells, len(computed))).astype(np.int64))]
+            if len(computed)
+            else computed
+        )
+        meshes = _Meshes(store)
+        for done, cell in enumerate(chosen):
+            if progress is not None:
+                progress(done, len(chosen))
+            _check_cut(store, int(cell), report)
+            if samples:
+                _ask_oracle(store, meshes, int(cell), samples, seed, report)
+        if progress is not None:
+            progress(len(chosen), len(chosen))
+    report.seconds = time.perf_counter() - began
+    return report
+
+
+def _check_deltas(store: Store, computed: np.ndarray, report: VerifyReport) -> None:
+    """Every delta turns one cell's vLOD into the other's."""
+    sets = {int(cell): store.vlod(int(cell)) for cell in computed}
+    wrong = 0
+    for cell in computed:
+        a = int(cell)
+        reported = int(store.cells["drawables"][a])
+        if len(sets[a]) != reported:
+            wrong += 1
+            report.tell(wrong, f"cell {a}: the vLOD holds {len(sets[a])} drawables, the table says {reported}")
+        for other in store.neighbours(a):
+            b = int(other)
+            if b not in sets:
+                continue
+            report.boundaries += a < b
+            added, dropped = store.delta(a, b)
+            kept = np.setdiff1d(sets[a], dropped, assume_unique=True)
+            consistent = (
+                len(kept) == len(sets[a]) - len(dropped)
+                and len(np.intersect1d(kept, added)) == 0
+                and np.array_equal(np.union1d(kept, added), sets[b])
+            )
+            if not consistent:
+                wrong += 1
+                report.tell(wrong, f"the delta from cell {a} to cell {b} does not turn one vLOD into the other")
+
+
+def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
+    """The vLOD is part of the cut; the cut holds each node once, fine enough as seen from the cell."""
+    cut, vlod = store.cut(cell), store.vlod(cell)
+    if len(np.setdiff1d(vlod, cut)):
+        report.problems.append(f"cell {cell}: {len(np.setdiff1d(vlod, cut))} drawables of its vLOD are not in its cut")
+    rows = store.drawables[cut]
+    if len(cut) != len(store.nodes) or len(np.unique(rows["node"])) != len(store.nodes):
+        report.problems.append(f"cell {cell}: its cut does not hold every node exactly once")
+    row = store.cells[cell]
+    # from anywhere in the cell a point of the drawable is at least this far away
+    gap = np.maximum(rows["lo"].astype(np.float64) - row["hi"], row["lo"] - rows["hi"].astype(np.float64)).clip(min=0)
+    distance = np.sqrt((gap * gap).sum(axis=1))
+    error = rows["error"].astype(np.float64)
+    allowed = float(row["pixel_error"]) * float(store.manifest["pixel_angle"]) * np.maximum(distance, 0)
+    coarse = (rows["level"] > 0) & (error > allowed * (1 + 1e-6))
+    for d in cut[coarse][:MOST_TOLD]:
+        report.problems.append(f"cell {cell}: drawable {d} is too coarse for the allowed {row['pixel_error']} pixels")
+
+
+class _Meshes:
+    """Triangles of drawables, the last used ones kept."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
+        self._bytes = 0
+
+    def triangles(self, drawable: int) -> np.ndarray:
+        """(m, 3, 3) float32 corners in model units."""
+        corners = self._kept.pop(drawable, None)
+        if corners is None:
+            mesh = self._store.mesh(drawable)
+            corners = mesh.positions[mesh.triangles]
+            self._bytes += corners.nbytes
+        self._kept[drawable] = corners
+        while self._bytes > MESH_CACHE and len(self._kept) > 1:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
+        return corners
+
+
+def _ask_oracle(store: Store, meshes: _Meshes, cell: int, samples: int, seed: int, report: VerifyReport) -> None:
+    """Rays from one cell."""
+    began = time.perf_counter()
+    cut, vlod = store.cut(cell), store.vlod(cell)
+    parts = [meshes.triangles(int(d)) for d in cut]
+    owner = np.repeat(cut, [len(part) for part in parts])
+    triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
+    row = store.cells[cell]
+    oracle = Oracle(triangles, owner, store.drawables["one_sided"][owner])
+    rng = np.random.default_rng([seed, int(row["key"])])
+    found = examine(oracle, owner, triangles, row["lo"], row["hi"], vlod, samples, rng)
+    counts = store.drawables["triangles"].astype(np.int64)
+    report.sampled.append(
+        CellFindings(
+            cell=cell,
+            key=int(row["key"]),
+            rays=found.rays,
+            reported_drawables=len(vlod),
+            seen_drawables=len(found.seen),
+            reported_triangles=int(counts[vlod].sum()),
+            seen_triangles=int(counts[found.seen].sum()),
+            missed=len(found.missed),
+            refuted=found.refuted,
+            seconds=round(time.perf_counter() - began, 4),
+        )
+    )
+    before = report.missed - len(found.missed)
+    for count, line in enumerate(_accusations(store, cell, found.missed), before + 1):
+        report.tell(count, line)
+
+
+def _accusations(store: Store, cell: int, missed: list[Sight]) -> Iterator[str]:
+    """A line for each missed drawable, with all that is needed to see it oneself."""
+    for sight in missed:
+        node = int(store.drawables["node"][sight.drawable])
+        name = store.part_names[int(store.nodes["part"][node])]
+        yield (
+            f"cell {cell} (key {int(store.cells['key'][cell])}) misses drawable {sight.drawable} of part {name!r}: "
+            f"seen from {sight.origin} along {sight.direction} at {sight.distance:g} ray lengths"
+        )

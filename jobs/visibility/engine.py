@@ -1,0 +1,136 @@
+"""One view cell: from its cut to what may be seen from it, and how much of that is proven.
+
+The narrow interface to from-region visibility: cell and cut in, visible ids and certificate out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jobs.visibility import back_faces, item_buffer, occludees, occluders
+from jobs.visibility.soup import Soup
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """How hard the engine tries; every setting is safe, they only trade time for tightness."""
+
+    resolution: int = 256  # pixels along the edge of a cube face
+    depth_bands: int = 8  # depth buffers per face, the last one for everything however deep
+    largest_flooded_set: int = 2048  # triangles in one flooded occluder set
+    cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
+    proof_resolution: int = 128  # pixels along the edge of an item buffer's cube face; 0: prove nothing
+
+    #: Part of the task keys: change it whenever results may change.
+    version: int = 1
+
+
+@dataclass(frozen=True)
+class CellVisibility:
+    """What may be seen from a cell."""
+
+    visible: np.ndarray  # (k,) int64 sorted ids: a superset of what can be seen
+    proven: np.ndarray  # (p,) int64 sorted ids among them, seen from points of the cell
+
+
+class Engine:
+    """Answers cells of one task. Holds the buffers, so that no cell allocates them anew."""
+
+    def __init__(self, soup: Soup, settings: EngineSettings) -> None:
+        """Take the triangles that the cells of the task share."""
+        self.soup = soup
+        self.settings = settings
+        self._q = np.empty((len(soup.vertices), 3), np.float64)
+        self._side = np.empty(len(soup.triangles), np.int8)
+        r = settings.resolution
+        self._depth = np.empty((6, settings.depth_bands, r, r), np.float32)
+
+    def reaching_into(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        """Those drawables of a cut (sorted ids) of which a vertex lies in the cell: surely visible, found quickly.
+
+        Args: as for `visible_from`.
+        """
+        soup = self.soup
+        places = soup.places(cut)
+        near = places[((soup.drawable_lo[places] <= hi) & (soup.drawable_hi[places] >= lo)).all(axis=1)]
+        reaching = []
+        for d in near:
+            first, last = soup.drawable_clusters[d], soup.drawable_clusters[d + 1]
+            corners = soup.vertices[soup.triangles[soup.cluster_start[first] : soup.cluster_start[last]]]
+            if ((corners > lo) & (corners < hi)).all(axis=2).any():
+                reaching.append(d)
+        return soup.drawables[np.array(reaching, np.int64)]
+
+    def visible_from(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> CellVisibility:
+        """What of a cut may be seen from anywhere in a cell.
+
+        Args:
+            lo, hi: (3,) float64 the cell in grid units, lo < hi.
+            cut: (c,) sorted int64 ids, all in the soup.
+        """
+        soup = self.soup
+        places = soup.places(cut)
+        solid = places[soup.one_sided[places]]
+        backs = back_faces.backs_only(
+            soup.drawable_lo[solid], soup.drawable_hi[solid], lo, hi, soup.cone_axis[solid], soup.cone_angle[solid]
+        )
+        places = np.setdiff1d(places, solid[backs], assume_unique=True)
+        active = np.zeros(len(soup.drawables), np.bool_)
+        active[places] = True
+        centre = 0.5 * (lo + hi)
+        # grown by far more than rounding, so that the cell is inside what is worked with
+        half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
+        occluders.to_cell_coordinates(soup.vertices, centre, half, self._q)
+        occluders.find_sides(soup.vertices, soup.triangles, soup.triangle_drawable, active, centre, half, self._side)
+        side = self._side
+        usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
+        cluster_lo = (soup.cluster_lo - centre) / half
+        cluster_hi = (soup.cluster_hi - centre) / half
+        drawable_lo = (soup.drawable_lo - centre) / half
+        drawable_hi = (soup.drawable_hi - centre) / half
+
+        in_cut = np.flatnonzero(active[soup.cluster_drawable])
+        nearest = np.maximum(np.maximum(cluster_lo[in_cut], -cluster_hi[in_cut]), 0).max(axis=1)
+        order = in_cut[np.argsort(nearest, kind="stable")]
+        farthest = float(np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]])).max()) if len(in_cut) else 2.0
+        bands = depth_bands(self.settings.depth_bands, farthest)
+        self._depth.fill(np.inf)
+        occluders.cover(
+            self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
+            soup.cluster_start, order, cluster_lo, cluster_hi, bands, self.settings.largest_flooded_set, self._depth,
+        )  # fmt: skip
+        seen = occludees.find_visible(
+            self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
+            cluster_lo, cluster_hi, drawable_lo, drawable_hi, bands, self._depth,
+        )  # fmt: skip
+        visible = places[seen]
+        proven = np.zeros(0, np.int64)
+        if self.settings.proof_resolution:
+            proven = self._prove(visible)
+        return CellVisibility(soup.drawables[visible], soup.drawables[proven])
+
+    def _prove(self, visible: np.ndarray) -> np.ndarray:
+        """Which of the reported drawables an item buffer sees from the cell's corners."""
+        soup = self.soup
+        reported = np.zeros(len(soup.drawables), np.bool_)
+        reported[visible] = True
+        triangles = np.flatnonzero(reported[soup.triangle_drawable])
+        seen = np.zeros(len(soup.drawables), np.bool_)
+        for corner in np.ndindex(2, 2, 2):
+            eye = np.where(np.array(corner) == 1, 1.0, -1.0) * (1 - 1e-9)
+            item_buffer.see(
+                self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, eye,
+                self.settings.proof_resolution, seen,
+            )  # fmt: skip
+        return visible[seen[visible]]
+
+
+def depth_bands(count: int, farthest: float) -> np.ndarray:
+    """(count,) float64 depths in cell coordinates, geometric from 2 to half of the farthest, the last one infinite."""
+    if count == 1:
+        return np.array([np.inf])
+    top = max(farthest * 0.5, 2.0 * 1.5 ** (count - 2))
+    finite = 2.0 * (top / 2.0) ** (np.arange(count - 1) / max(count - 2, 1))
+    return np.append(finite, np.inf)

@@ -1,0 +1,81 @@
+"""Item buffers from points of a cell: what they show is proven visible.
+
+A pixel's centre is a ray; the nearest triangle that it meets is seen. Only drawables reported as visible are drawn:
+what is hidden from the whole cell cannot stand before anything that a ray from the cell sees.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
+
+
+@njit(cache=True, nogil=True)
+def see(
+    q: np.ndarray,
+    triangles: np.ndarray,
+    chosen: np.ndarray,
+    triangle_drawable: np.ndarray,
+    one_sided: np.ndarray,
+    eye: np.ndarray,
+    resolution: int,
+    seen: np.ndarray,
+) -> None:
+    """Mark the drawables that are seen from a point through the pixels' centres of six cube faces.
+
+    Args:
+        q: (n, 3) float64 vertices in cell coordinates.
+        triangles: (m, 3) int32; chosen: (c,) int64 the triangles to draw; triangle_drawable: (m,) int32.
+        one_sided: (drawables,) bool: their back faces are not drawn.
+        eye: (3,) float64 in cell coordinates.
+        seen: (drawables,) bool, set to True where a drawable is seen, else left alone.
+    """
+    moved = np.empty((3, 3), np.float64)
+    polygon = np.empty((4, 2), np.float64)
+    nearest = np.zeros((6, resolution, resolution), np.float64)
+    item = np.full((6, resolution, resolution), -1, np.int32)
+    for t in chosen:
+        for i in range(3):
+            for k in range(3):
+                moved[i, k] = (q[triangles[t, i], k] - eye[k]) * 1e6
+        if one_sided[triangle_drawable[t]]:
+            ux, uy, uz = moved[1, 0] - moved[0, 0], moved[1, 1] - moved[0, 1], moved[1, 2] - moved[0, 2]
+            vx, vy, vz = moved[2, 0] - moved[0, 0], moved[2, 1] - moved[0, 1], moved[2, 2] - moved[0, 2]
+            facing = (
+                moved[0, 0] * (uy * vz - uz * vy)
+                + moved[0, 1] * (uz * vx - ux * vz)
+                + moved[0, 2] * (ux * vy - uy * vx)
+            )
+            if facing >= 0:
+                continue
+        for face in range(6):
+            n, _, _ = clip_triangle(moved, 0, 1, 2, face, resolution, polygon)
+            if n == 0:
+                continue
+            plane, pa, pb, pc = inverse_depth_plane(moved, 0, 1, 2, face, resolution)
+            if not plane:
+                continue
+            v0, v1 = np.inf, -np.inf
+            for i in range(n):
+                v0 = min(v0, polygon[i, 1])
+                v1 = max(v1, polygon[i, 1])
+            row0 = max(int(np.ceil(v0 - 0.5)), 0) if v0 > 0 else 0
+            row1 = min(int(np.floor(v1 - 0.5)), resolution - 1) if v1 < resolution else resolution - 1
+            for j in range(row0, row1 + 1):
+                left, right = strip_extent(polygon, n, j + 0.5, j + 0.5)
+                if left > right or left > resolution or right < 0:
+                    continue
+                first = max(int(np.ceil(left - 0.5)), 0) if left > 0 else 0
+                last = min(int(np.floor(right - 0.5)), resolution - 1) if right < resolution else resolution - 1
+                for i in range(first, last + 1):
+                    w = pa * (i + 0.5) + pb * (j + 0.5) + pc
+                    if w > nearest[face, j, i]:
+                        nearest[face, j, i] = w
+                        item[face, j, i] = triangle_drawable[t]
+    for face in range(6):
+        for j in range(resolution):
+            for i in range(resolution):
+                if item[face, j, i] >= 0:
+                    seen[item[face, j, i]] = True

@@ -1,0 +1,173 @@
+"""Which boxes and triangles are hidden behind the depth buffers of `occluders`.
+
+An occludee is hidden if each pixel of each cube face that its image touches (rounded outward) is covered at less than
+the occludee's nearest depth there, in a band that is valid for its farthest depth there. Rounding is always towards
+"visible": depths must be strictly less, by more than float32's rounding, so that nothing hides itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from jobs.visibility.cube_faces import (
+    box_on_face,
+    clip_triangle,
+    inverse_depth_plane,
+    strip_extent,
+)
+
+#: An occludee's nearest depth is rounded down by this factor before it is compared.
+DEPTH_DOWN = 1.0 - 5e-7
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _band_of(z: float, bands: np.ndarray) -> int:
+    """The first band that is valid for depth z."""
+    band = 0
+    while bands[band] < z:
+        band += 1
+    return band
+
+
+@njit(cache=True, nogil=True)
+def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool) -> bool:
+    """Whether a box is hidden from the whole cell.
+
+    Args:
+        lo, hi: (3,) float64 the box in cell coordinates.
+        bands: (b,) float64; depth: (6, b, r, r) float32, see `occluders.cover`.
+        at_all_depths: ask the last band only: the box and everything behind it, however deep, are hidden.
+
+    Returns:
+        False where the box touches the cell.
+    """
+    if (
+        lo[0] <= 1.0 and lo[1] <= 1.0 and lo[2] <= 1.0
+        and hi[0] >= -1.0 and hi[1] >= -1.0 and hi[2] >= -1.0
+    ):  # fmt: skip
+        return False
+    resolution = depth.shape[2]
+    for face in range(6):
+        meets, i0, i1, j0, j1, near, far = box_on_face(lo, hi, face, resolution)
+        if not meets:
+            continue
+        band = bands.shape[0] - 1 if at_all_depths else _band_of(far * (1.0 + 1e-9), bands)
+        near = np.float32(near * DEPTH_DOWN)
+        for j in range(j0, j1 + 1):
+            for i in range(i0, i1 + 1):
+                if not depth[face, band, j, i] < near:
+                    return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def triangle_hidden(
+    q: np.ndarray, a: int, b: int, c: int, bands: np.ndarray, depth: np.ndarray, polygon: np.ndarray
+) -> bool:
+    """Whether a triangle that does not touch the cell is hidden from the whole cell.
+
+    Args:
+        q: (n, 3) float64 vertices in cell coordinates; a, b, c the corners.
+        polygon: (4, 2) float64 scratch.
+    """
+    resolution = depth.shape[2]
+    slack = 1e-6
+    top = resolution - 1
+    for face in range(6):
+        n, near, far = clip_triangle(q, a, b, c, face, resolution, polygon)
+        if n == 0:
+            continue
+        u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
+        for i in range(n):
+            u0 = min(u0, polygon[i, 0])
+            u1 = max(u1, polygon[i, 0])
+            v0 = min(v0, polygon[i, 1])
+            v1 = max(v1, polygon[i, 1])
+        if u0 - slack > resolution or v0 - slack > resolution or u1 + slack < 0 or v1 + slack < 0:
+            continue
+        near = max(near, 1.0)
+        plane, pa, pb, pc = inverse_depth_plane(q, a, b, c, face, resolution)
+        spread = 0.5 * (abs(pa) + abs(pb)) + slack * (abs(pa) + abs(pb))
+        row0 = max(int(np.floor(v0 - slack)), 0) if v0 > 0 else 0
+        row1 = min(int(np.floor(v1 + slack)), top) if v1 < resolution else top
+        for j in range(row0, row1 + 1):
+            left, right = strip_extent(polygon, n, j - slack, j + 1.0 + slack)
+            if left > right or left - slack > resolution or right + slack < 0:
+                continue
+            first = max(int(np.floor(left - slack)), 0) if left > 0 else 0
+            last = min(int(np.floor(right + slack)), top) if right < resolution else top
+            for i in range(first, last + 1):
+                z0, z1 = near, far
+                if plane:
+                    w = pa * (i + 0.5) + pb * (j + 0.5) + pc
+                    if (w + spread) * near < 1.0 and w + spread > 0.0:
+                        z0 = max(z0, 1.0 / (w + spread) * (1.0 - 1e-9))
+                    if (w - spread) * far > 1.0:
+                        z1 = min(z1, 1.0 / (w - spread) * (1.0 + 1e-9))
+                band = _band_of(z1 * (1.0 + 1e-9), bands)
+                if not depth[face, band, j, i] < np.float32(z0 * DEPTH_DOWN):
+                    return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def find_visible(
+    q: np.ndarray,
+    side: np.ndarray,
+    triangles: np.ndarray,
+    drawables: np.ndarray,
+    one_sided: np.ndarray,
+    drawable_clusters: np.ndarray,
+    cluster_start: np.ndarray,
+    cluster_lo: np.ndarray,
+    cluster_hi: np.ndarray,
+    drawable_lo: np.ndarray,
+    drawable_hi: np.ndarray,
+    bands: np.ndarray,
+    depth: np.ndarray,
+) -> np.ndarray:
+    """Which drawables may be seen from the cell: by boxes, then clusters' boxes, then triangles.
+
+    Args:
+        q, side, triangles: as in `occluders.cover`.
+        drawables: (d,) int64 the drawables to test; one_sided: (all,) bool.
+        drawable_clusters: (all + 1,) int32 offsets into the clusters; cluster_start: (k + 1,) int32.
+        cluster_lo, cluster_hi: (k, 3), drawable_lo, drawable_hi: (all, 3) float64 boxes in cell coordinates.
+
+    Returns:
+        (d,) bool. A triangle of a one-sided drawable counts only where its front can be seen.
+    """
+    polygon = np.empty((4, 2), np.float64)
+    visible = np.zeros(drawables.shape[0], np.bool_)
+    for k in range(drawables.shape[0]):
+        d = drawables[k]
+        if drawable_clusters[d] == drawable_clusters[d + 1]:
+            continue
+        if box_hidden(drawable_lo[d], drawable_hi[d], bands, depth, False):
+            continue
+        for c in range(drawable_clusters[d], drawable_clusters[d + 1]):
+            if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, False):
+                continue
+            for t in range(cluster_start[c], cluster_start[c + 1]):
+                if one_sided[d] and side[t] < 0:
+                    continue
+                if (
+                    (side[t] == 0 and _may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
+                    or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], bands, depth, polygon)
+                ):  # fmt: skip
+                    visible[k] = True
+                    break
+            if visible[k]:
+                break
+    return visible
+
+
+@njit(cache=True, nogil=True)
+def _may_touch(q: np.ndarray, a: int, b: int, c: int) -> bool:
+    """Whether the triangle's box meets the cell, [-1, 1]^3."""
+    grow = 1.0 + 1e-9
+    for k in range(3):
+        if min(q[a, k], q[b, k], q[c, k]) > grow or max(q[a, k], q[b, k], q[c, k]) < -grow:
+            return False
+    return True

@@ -1,0 +1,368 @@
+"""Flooded occluder sets, drawn into the depth buffers around a view cell.
+
+Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian, D. Johnson, S. Kumar: vLOD:
+High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
+one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
+
+**Safe edges.** For a triangle t and the cell V, `side[t]` is +1 or -1 where V lies strictly on one side of t's plane,
+else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge, this side.
+So an edge is safe for V and a set S of triangles that do not meet V if two of its triangles in S have opposite
+side times direction: they lie strictly on opposite sides of the edge as seen from every p in V.
+
+**Theorem.** Let x not lie on S, p0 in V, and the segment p0-x cross a triangle of S. If no point of an unsafe edge of S
+lies in any triangle (p0, p, x) with p in V, then S hides x from all of V. *Proof.* Slide p away from p0 and count the
+triangles of S that the segment p-x crosses. The count changes only where the segment passes over an edge: p never
+touches S, and x is not on S. Past a safe edge the segment meets one of its two opposite triangles, so the count is at
+least one; unsafe edges are never met; the count began at one or more. (Passing through a vertex is avoided by moving
+p a little: an open segment that is free of S stays free nearby.)
+
+So for one set S and one pixel: if the pixel's centre lies in the image of a triangle of S and no inflated unsafe edge
+touches the pixel (see `cube_faces`), then every x whose image lies in the pixel and which is deeper than all triangles
+of S that touch the pixel is hidden. The whole pixel is covered, since coverage can only end at an unsafe edge, whose
+image lies inside its inflated image. Results of any number of sets are united: the nearest depth wins.
+
+Each S is *flooded* from a small core: a safe edge is crossed only if its inflated image touches the core's rectangle.
+Edges that do not touch the rectangle cannot spoil a pixel in it, whether they are safe or not.
+
+**Depth bands.** Inflation is less for occludees that are not far behind. `bands` gives increasing depths, the last one
+infinite; a buffer is kept for each, and what is written to band b holds for occludees no deeper than bands[b].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from jobs.visibility.cube_faces import (
+    clip_triangle,
+    inflate_edge,
+    inverse_depth_plane,
+    strip_extent,
+    sweep_range,
+)
+from jobs.visibility.occludees import box_hidden
+
+#: Stored depths are rounded up by this factor: more than float32's rounding.
+DEPTH_UP = 1.0 + 5e-7
+
+
+@njit(cache=True, nogil=True)
+def find_sides(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    triangle_drawable: np.ndarray,
+    active: np.ndarray,
+    centre: np.ndarray,
+    half: np.ndarray,
+    side: np.ndarray,
+) -> None:
+    """On which side of each triangle's plane the whole cell lies.
+
+    Args:
+        vertices: (n, 3) int32 grid coordinates (exact in float64, as are the normals' products).
+        triangles: (m, 3) int32; triangle_drawable: (m,) int32; active: (drawables,) bool.
+        centre, half: (3,) float64 the cell in grid units.
+        side: (m,) int8, receives +1 (the cell sees the front only), -1 (the back only), 0 (the plane meets the cell,
+            or too near to tell; also for triangles of inactive drawables).
+    """
+    for t in range(triangles.shape[0]):
+        side[t] = 0
+        if not active[triangle_drawable[t]]:
+            continue
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay, az = float(vertices[a, 0]), float(vertices[a, 1]), float(vertices[a, 2])
+        ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
+        vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
+        nx = uy * vz - uz * vy
+        ny = uz * vx - ux * vz
+        nz = ux * vy - uy * vx
+        dx, dy, dz = centre[0] - ax, centre[1] - ay, centre[2] - az
+        o = nx * dx + ny * dy + nz * dz
+        reach = abs(nx) * half[0] + abs(ny) * half[1] + abs(nz) * half[2]
+        doubt = 1e-14 * (abs(nx * dx) + abs(ny * dy) + abs(nz * dz) + reach)
+        if o > reach + doubt:
+            side[t] = 1
+        elif -o > reach + doubt:
+            side[t] = -1
+
+
+@njit(cache=True, nogil=True)
+def to_cell_coordinates(vertices: np.ndarray, centre: np.ndarray, half: np.ndarray, q: np.ndarray) -> None:
+    """Q (n, 3) float64 = (vertices (n, 3) int32 - centre) / half, all in grid units."""
+    for i in range(vertices.shape[0]):
+        for k in range(3):
+            q[i, k] = (vertices[i, k] - centre[k]) / half[k]
+
+
+@njit(cache=True, nogil=True)
+def cover(
+    q: np.ndarray,
+    side: np.ndarray,
+    usable: np.ndarray,
+    triangles: np.ndarray,
+    triangle_edges: np.ndarray,
+    edge_start: np.ndarray,
+    edge_uses: np.ndarray,
+    cluster_start: np.ndarray,
+    cluster_order: np.ndarray,
+    cluster_lo: np.ndarray,
+    cluster_hi: np.ndarray,
+    bands: np.ndarray,
+    largest_set: int,
+    depth: np.ndarray,
+) -> tuple[int, int, int]:
+    """Draw the occlusion of all usable triangles, nearest clusters first, into the depth buffers.
+
+    Args:
+        q: (n, 3) float64 vertices in cell coordinates.
+        side: (m,) int8 from `find_sides`.
+        usable: (m,) bool, triangles that may occlude; side != 0 for each of them.
+        triangles, triangle_edges: (m, 3) int32; edge_start, edge_uses: see `topology.edges`.
+        cluster_start: (k + 1,) int32: cluster c holds triangles cluster_start[c] ... cluster_start[c + 1] - 1.
+        cluster_order: (a,) int64 the clusters to use as cores, nearest first.
+        cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates.
+        bands: (b,) float64 increasing depths, the last one infinite.
+        largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
+        depth: (6, b, r, r) float32, filled with inf before; receives the depths behind which all is hidden.
+
+    Returns:
+        (cores drawn, triangles flooded, pixels covered): counts for profiling.
+    """
+    m = triangles.shape[0]
+    bands_n = bands.shape[0]
+    resolution = depth.shape[2]
+    cored = np.zeros(m, np.bool_)
+    seen = np.zeros(m, np.int32)
+    epoch = 0
+    core = np.empty(m + 1, np.int32)
+    flood = np.empty(largest_set + 4, np.int32)
+    unsafe = np.empty((3 * (largest_set + 4), 2), np.int32)
+    polygon = np.empty((4, 2), np.float64)
+    sweep = np.empty((2, 8), np.float64)
+    limit = np.empty((resolution, resolution), np.uint8)
+    local = np.empty((resolution, resolution), np.float64)
+    inside = np.empty((resolution, resolution), np.bool_)
+    cores = 0
+    flooded = 0
+    pixels = 0
+    for c in cluster_order:
+        if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, True):
+            continue
+        for seed in range(cluster_start[c], cluster_start[c + 1]):
+            if cored[seed] or not usable[seed]:
+                continue
+            # the core: what hangs together by safe edges inside the cluster
+            n_core = 1
+            core[0] = seed
+            cored[seed] = True
+            head = 0
+            while head < n_core:
+                t = core[head]
+                head += 1
+                for i in range(3):
+                    e = triangle_edges[t, i]
+                    mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+                    for j in range(edge_start[e], edge_start[e + 1]):
+                        other = edge_uses[j] >> 1
+                        if (
+                            cluster_start[c] <= other < cluster_start[c + 1]
+                            and not cored[other]
+                            and usable[other]
+                            and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine
+                        ):
+                            cored[other] = True
+                            core[n_core] = other
+                            n_core += 1
+            for face in range(6):
+                u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
+                for k in range(n_core):
+                    t = core[k]
+                    n, _, _ = clip_triangle(
+                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution, polygon
+                    )
+                    for i in range(n):
+                        u0 = min(u0, polygon[i, 0])
+                        u1 = max(u1, polygon[i, 0])
+                        v0 = min(v0, polygon[i, 1])
+                        v1 = max(v1, polygon[i, 1])
+                if not (u0 < resolution and v0 < resolution and u1 > 0 and v1 > 0):
+                    continue
+                # pixels whose centres may be covered
+                i0 = max(int(np.ceil(u0 - 0.5)), 0)
+                i1 = min(int(np.floor(u1 - 0.5)), resolution - 1)
+                j0 = max(int(np.ceil(v0 - 0.5)), 0)
+                j1 = min(int(np.floor(v1 - 0.5)), resolution - 1)
+                if i0 > i1 or j0 > j1:
+                    continue
+                epoch += 1
+                n_flood = 0
+                for k in range(n_core):
+                    if n_flood < largest_set:
+                        flood[n_flood] = core[k]
+                        seen[core[k]] = epoch
+                        n_flood += 1
+                n_unsafe = 0
+                window_u0, window_u1, window_v0, window_v1 = float(i0), i1 + 1.0, float(j0), j1 + 1.0
+                head = 0
+                while head < n_flood:
+                    t = flood[head]
+                    head += 1
+                    for i in range(3):
+                        a, b = triangles[t, i], triangles[t, (i + 1) % 3]
+                        touches = False
+                        n_sweeps = inflate_edge(q, a, b, face, resolution, np.inf, sweep)
+                        for k in range(n_sweeps):
+                            t0, t1 = sweep_range(sweep[k], window_u0, window_u1, window_v0, window_v1)
+                            if t0 <= t1:
+                                touches = True
+                        if not touches:
+                            continue
+                        e = triangle_edges[t, i]
+                        mine = side[t] if a < b else -side[t]
+                        partner = -1
+                        for j in range(edge_start[e], edge_start[e + 1]):
+                            other = edge_uses[j] >> 1
+                            if usable[other] and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine:
+                                if seen[other] == epoch:
+                                    partner = other
+                                    break
+                                if partner < 0:
+                                    partner = other
+                        if partner >= 0 and seen[partner] != epoch:
+                            if n_flood < largest_set:
+                                flood[n_flood] = partner
+                                seen[partner] = epoch
+                                n_flood += 1
+                            else:
+                                partner = -1
+                        if partner < 0:
+                            unsafe[n_unsafe, 0] = a
+                            unsafe[n_unsafe, 1] = b
+                            n_unsafe += 1
+                flooded += n_flood
+                cores += 1
+                # the depth band from which on a pixel is unsafe
+                for j in range(j0, j1 + 1):
+                    for i in range(i0, i1 + 1):
+                        limit[j, i] = bands_n
+                        local[j, i] = 0.0
+                        inside[j, i] = False
+                for k in range(n_unsafe):
+                    _limit_by_edge(q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, i0, i1, j0, j1, sweep, limit)
+                alive = False
+                for j in range(j0, j1 + 1):
+                    for i in range(i0, i1 + 1):
+                        if limit[j, i] > 0:
+                            alive = True
+                            break
+                    if alive:
+                        break
+                if not alive:
+                    continue
+                for k in range(n_flood):
+                    t = flood[k]
+                    _draw_triangle(
+                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
+                        i0, i1, j0, j1, polygon, local, inside,
+                    )  # fmt: skip
+                for j in range(j0, j1 + 1):
+                    for i in range(i0, i1 + 1):
+                        if inside[j, i] and limit[j, i] > 0:
+                            z = np.float32(local[j, i] * DEPTH_UP)
+                            pixels += 1
+                            for b in range(limit[j, i]):
+                                depth[face, b, j, i] = min(depth[face, b, j, i], z)
+    return cores, flooded, pixels
+
+
+@njit(cache=True, nogil=True)
+def _limit_by_edge(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    face: int,
+    resolution: int,
+    bands: np.ndarray,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    sweep: np.ndarray,
+    limit: np.ndarray,
+) -> None:
+    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band whose inflation of edge a-b touches the pixel."""
+    for band in range(bands.shape[0] - 1, -1, -1):
+        touched = False
+        n_sweeps = inflate_edge(q, a, b, face, resolution, bands[band], sweep)
+        for k in range(n_sweeps):
+            s = sweep[k]
+            least = min(s[2], s[6])
+            most = max(s[3], s[7])
+            if least > j1 + 1 or most < j0:
+                continue
+            row0 = max(int(np.floor(least)), j0) if least > j0 else j0
+            row1 = min(int(np.floor(most)), j1) if most < j1 + 1 else j1
+            for j in range(row0, row1 + 1):
+                t0, t1 = sweep_range(s, float(i0), i1 + 1.0, float(j), j + 1.0)
+                if t0 > t1:
+                    continue
+                left = min(s[0] + t0 * (s[4] - s[0]), s[0] + t1 * (s[4] - s[0]))
+                right = max(s[1] + t0 * (s[5] - s[1]), s[1] + t1 * (s[5] - s[1]))
+                first = int(np.floor(left)) if left > i0 else i0
+                last = int(np.floor(right)) if right < i1 + 1 else i1
+                for i in range(first, min(last, i1) + 1):
+                    limit[j, i] = min(limit[j, i], band)
+                touched = True
+        if not touched:
+            return
+
+
+@njit(cache=True, nogil=True)
+def _draw_triangle(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    c: int,
+    face: int,
+    resolution: int,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    polygon: np.ndarray,
+    local: np.ndarray,
+    inside: np.ndarray,
+) -> None:
+    """Mark the pixels whose centres the triangle covers; raise `local` to its largest depth in each pixel it touches."""
+    n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
+    if n == 0:
+        return
+    u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(n):
+        u0 = min(u0, polygon[i, 0])
+        u1 = max(u1, polygon[i, 0])
+        v0 = min(v0, polygon[i, 1])
+        v1 = max(v1, polygon[i, 1])
+    slack = 1e-6
+    if u0 - slack > i1 + 1 or v0 - slack > j1 + 1 or u1 + slack < i0 or v1 + slack < j0:
+        return
+    plane, pa, pb, pc = inverse_depth_plane(q, a, b, c, face, resolution)
+    spread = 0.5 * (abs(pa) + abs(pb))
+    row0 = max(int(np.floor(v0 - slack)), j0) if v0 > j0 else j0
+    row1 = min(int(np.floor(v1 + slack)), j1) if v1 < j1 + 1 else j1
+    for j in range(row0, row1 + 1):
+        left, right = strip_extent(polygon, n, j - slack, j + 1.0 + slack)
+        if left > right or left - slack > i1 + 1 or right + slack < i0:
+            continue
+        first = max(int(np.floor(left - slack)), i0) if left > i0 else i0
+        last = min(int(np.floor(right + slack)), i1) if right < i1 + 1 else i1
+        middle_left, middle_right = strip_extent(polygon, n, j + 0.5, j + 0.5)
+        for i in range(first, last + 1):
+            z = far
+            if plane:
+                w = pa * (i + 0.5) + pb * (j + 0.5) + pc - spread
+                if w * far > 1.0:
+                    z = 1.0 / w * (1.0 + 1e-9)
+            local[j, i] = max(local[j, i], z)
+            if middle_left <= i + 0.5 <= middle_right:
+                inside[j, i] = True

@@ -1,0 +1,133 @@
+"""The triangles of many drawables as one set of arrays: what a task's cells share.
+
+Built once per task from the drawables that any of its cells may use; a cell then switches drawables on and off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jobs.visibility import topology
+
+
+@dataclass(frozen=True)
+class Soup:
+    """Triangles of drawables on welded vertices; a drawable's triangles and a cluster's are contiguous.
+
+    Coordinates are in grid units. `drawables` are the store's ids, sorted; everything else counts them from 0.
+    """
+
+    drawables: np.ndarray  # (d,) int64 sorted ids
+    one_sided: np.ndarray  # (d,) bool
+    cone_axis: np.ndarray  # (d, 3) float64 axes of the normal cones
+    cone_angle: np.ndarray  # (d,) float64 their half angles in radians
+    drawable_lo: np.ndarray  # (d, 3) float64 boxes of the meshes; lo > hi where a drawable has no triangles
+    drawable_hi: np.ndarray  # (d, 3)
+    drawable_clusters: np.ndarray  # (d + 1,) int32 offsets into the clusters
+    triangle_counts: np.ndarray  # (d,) int64 triangles as stored
+    vertices: np.ndarray  # (n, 3) int32
+    triangles: np.ndarray  # (m, 3) int32
+    triangle_drawable: np.ndarray  # (m,) int32
+    triangle_edges: np.ndarray  # (m, 3) int32
+    edge_start: np.ndarray  # (e + 1,) int32
+    edge_uses: np.ndarray  # (3 m,) int32
+    cluster_start: np.ndarray  # (k + 1,) int32
+    cluster_drawable: np.ndarray  # (k,) int32
+    cluster_lo: np.ndarray  # (k, 3) float64
+    cluster_hi: np.ndarray  # (k, 3) float64
+
+    def places(self, ids: np.ndarray) -> np.ndarray:
+        """Positions in `drawables` of the given ids, all of which must be there."""
+        places = np.searchsorted(self.drawables, ids)
+        if len(ids) and (places.max() >= len(self.drawables) or (self.drawables[places] != ids).any()):
+            raise ValueError("the soup does not hold all the drawables asked for")
+        return places
+
+
+def build_soup(
+    drawables: Sequence[int] | np.ndarray,
+    one_sided: np.ndarray,
+    cone_axis: np.ndarray,
+    cone_angle: np.ndarray,
+    mesh: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    cluster_size: int = 32,
+) -> Soup:
+    """Gather the drawables' triangles, weld them by position, find their edges and cut them into clusters.
+
+    Args:
+        drawables: (d,) sorted ids.
+        one_sided: (d,) bool; cone_axis: (d, 3), cone_angle: (d,) normal cones.
+        mesh: gives (positions (n, 3) int32 in grid units, triangles (m, 3)) of an id.
+        cluster_size: most triangles in a cluster.
+
+    Triangles without area (after snapping to the grid) cannot be seen and hide nothing; they are left out.
+    """
+    ids = np.asarray(drawables, np.int64)
+    all_positions: list[np.ndarray] = []
+    all_triangles: list[np.ndarray] = []
+    counts = np.zeros(len(ids), np.int64)
+    base = 0
+    for k, d in enumerate(ids):
+        positions, triangles = mesh(int(d))
+        all_positions.append(positions)
+        all_triangles.append(triangles.astype(np.int64) + base)
+        counts[k] = len(triangles)
+        base += len(positions)
+    points = np.concatenate(all_positions) if all_positions else np.zeros((0, 3), np.int32)
+    corners = np.concatenate(all_triangles) if all_triangles else np.zeros((0, 3), np.int64)
+    owner = np.repeat(np.arange(len(ids), dtype=np.int32), counts)
+
+    index, first = topology.weld(np.ascontiguousarray(points, np.int32))
+    vertices = points[first].astype(np.int32)
+    welded = index[corners].astype(np.int32).reshape(-1, 3)
+    a, b, c = (vertices[welded[:, i]].astype(np.float64) for i in range(3))
+    keep = (np.cross(b - a, c - a) != 0).any(axis=1)
+    welded, owner = welded[keep], owner[keep]
+
+    triangle_edges, _, start, uses = topology.edges(welded)
+    order, offsets = topology.clusters(triangle_edges, start, uses, owner, cluster_size)
+    welded, owner = welded[order], owner[order]
+    triangle_edges = triangle_edges[order]
+    place = np.empty(len(order), np.int32)
+    place[order] = np.arange(len(order), dtype=np.int32)
+    uses = place[uses >> 1] * 2 + (uses & 1)
+
+    k = len(offsets) - 1
+    cluster_drawable = owner[offsets[:-1]] if k else np.zeros(0, np.int32)
+    if k:
+        low = vertices[welded].min(axis=1)
+        high = vertices[welded].max(axis=1)
+        cluster_lo = np.minimum.reduceat(low, offsets[:-1], axis=0).astype(np.float64)
+        cluster_hi = np.maximum.reduceat(high, offsets[:-1], axis=0).astype(np.float64)
+    else:
+        cluster_lo = cluster_hi = np.zeros((0, 3))
+    drawable_clusters = np.searchsorted(cluster_drawable, np.arange(len(ids) + 1)).astype(np.int32)
+    drawable_lo = np.full((len(ids), 3), 1.0)
+    drawable_hi = np.full((len(ids), 3), -1.0)
+    full = np.flatnonzero(np.diff(drawable_clusters))
+    if len(full):
+        drawable_lo[full] = np.minimum.reduceat(cluster_lo, drawable_clusters[full], axis=0)
+        drawable_hi[full] = np.maximum.reduceat(cluster_hi, drawable_clusters[full], axis=0)
+    return Soup(
+        drawables=ids,
+        one_sided=np.asarray(one_sided, np.bool_),
+        cone_axis=np.asarray(cone_axis, np.float64),
+        cone_angle=np.asarray(cone_angle, np.float64),
+        drawable_lo=drawable_lo,
+        drawable_hi=drawable_hi,
+        drawable_clusters=drawable_clusters,
+        triangle_counts=counts,
+        vertices=vertices,
+        triangles=np.ascontiguousarray(welded),
+        triangle_drawable=owner,
+        triangle_edges=np.ascontiguousarray(triangle_edges),
+        edge_start=start,
+        edge_uses=uses.astype(np.int32),
+        cluster_start=offsets,
+        cluster_drawable=cluster_drawable,
+        cluster_lo=cluster_lo,
+        cluster_hi=cluster_hi,
+    )

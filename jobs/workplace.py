@@ -1,0 +1,123 @@
+"""Where a build keeps the results of its tasks: the work directory, with its lock and its leftovers.
+
+    WORK/lock                     held while a build runs; names its process
+    WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
+    WORK/<stage>/.tmp-...         the result of a task that is running, or was killed
+
+A result appears under its key in one atomic rename, whole. It is safe to delete the directory when no build runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import os
+import shutil
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from jobs.errors import WorkInUseError
+
+#: Leftovers of other machines' processes, which cannot be asked, are removed when they are older than this, in seconds.
+FOREIGN_LEFTOVER_AGE = 24 * 3600.0
+
+_TEMPORARY = ".tmp-"
+_counter = itertools.count()
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """The two directories of a build."""
+
+    work: Path  # results of tasks
+    store: Path  # the store that is being built
+
+    def result(self, stage: str, key: str) -> Path:
+        """Where the finished result of a task lies, or would lie."""
+        return self.work / stage / key
+
+    def new_temporary(self, stage: str, key: str) -> Path:
+        """A fresh directory for a task to write into; its name says who writes."""
+        name = f"{_TEMPORARY}{_host()}-{os.getpid()}-{next(_counter)}-{key[:12]}"
+        path = self.work / stage / name
+        path.mkdir(parents=True)
+        return path
+
+    def publish(self, temporary: Path, stage: str, key: str) -> Path:
+        """Moves a whole result to its key, atomically and durably. If another process was first, its result stays."""
+        final = self.result(stage, key)
+        for path in (*sorted(temporary.rglob("*")), temporary):
+            _flush(path)
+        try:
+            temporary.rename(final)
+        except OSError:
+            if not final.is_dir():
+                raise
+            shutil.rmtree(temporary)
+        _flush(final.parent)
+        return final
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keeps other builds out of the work directory. Raises WorkInUseError at once if one is in.
+
+        The system gives the lock back when its process ends, however it ends.
+        """
+        self.work.mkdir(parents=True, exist_ok=True)
+        with (self.work / "lock").open("a+") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.seek(0)
+                owner = file.read().strip() or "another process"
+                raise WorkInUseError(
+                    f"{self.work} is in use by another build ({owner}): wait for it, or choose another --work directory"
+                ) from None
+            file.truncate(0)
+            file.write(f"process {os.getpid()} on {_host()}\n")
+            file.flush()
+            try:
+                yield
+            finally:
+                file.truncate(0)
+
+    def clean(self) -> int:
+        """Removes what killed tasks left behind; returns how many. What a living process writes stays."""
+        removed = 0
+        for path in self.work.glob(f"*/{_TEMPORARY}*"):
+            if _is_abandoned(path):
+                shutil.rmtree(path, ignore_errors=True)
+                removed += 1
+        return removed
+
+
+def _is_abandoned(path: Path) -> bool:
+    host, _, rest = path.name.removeprefix(_TEMPORARY).rpartition("-")[0].rpartition("-")[0].rpartition("-")
+    if host != _host():
+        try:
+            return time.time() - path.stat().st_mtime > FOREIGN_LEFTOVER_AGE
+        except OSError:
+            return False
+    try:
+        os.kill(int(rest), 0)
+    except (ProcessLookupError, ValueError):
+        return True
+    except PermissionError:
+        return False
+    return False
+
+
+def _host() -> str:
+    return socket.gethostname() or "localhost"
+
+
+def _flush(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,135 @@
+"""From drawable ids to draw commands: one command per mesh, however many instances of it are drawn.
+
+Pure array functions; nothing here touches OpenGL.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.renderer.instances import mirrored
+
+#: Which sides of a drawable are drawn; the cull mode of a batch.
+BOTH_SIDES, FRONT_ONLY, BACK_ONLY = 0, 1, 2
+
+#: OpenGL's DrawElementsIndirectCommand.
+COMMAND = np.dtype(
+    [
+        ("indices", "<u4"),
+        ("instances", "<u4"),
+        ("first_index", "<u4"),
+        ("base_vertex", "<i4"),
+        ("base_instance", "<u4"),  # where the command's records begin in the list of records
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawTables:
+    """What drawing must know of each drawable; arrays as long as the store's tables."""
+
+    geometry: NDArray[np.int64]  # (drawables,) index of the mesh
+    record: NDArray[np.uint32]  # (drawables,) placement: see player.renderer.instances
+    side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
+    triangles: NDArray[np.int64]  # (drawables,)
+    pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
+    first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
+    indices: NDArray[np.int64]  # (geometries,)
+
+
+def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray) -> DrawTables:
+    """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays."""
+    instance = drawables["instance"].astype(np.int64)
+    turned = np.concatenate([mirrored(instances["matrix"]), [False]])[instance]
+    side = np.where(drawables["one_sided"], np.where(turned, BACK_ONLY, FRONT_ONLY), BOTH_SIDES)
+    return DrawTables(
+        geometry=drawables["geometry"].astype(np.int64),
+        record=(instance + 1).astype(np.uint32),
+        side=side.astype(np.uint8),
+        triangles=drawables["triangles"].astype(np.int64),
+        pack=geometry["pack"].astype(np.int64),
+        first_index=geometry["triangle_start"].astype(np.int64) * 3,
+        indices=geometry["triangles"].astype(np.int64) * 3,
+    )
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Commands that share a slab and a cull mode."""
+
+    slab: int
+    side: int
+    first: int  # index of the first command
+    commands: int
+
+
+@dataclass(frozen=True, eq=False)
+class DrawList:
+    """Everything to draw one frame."""
+
+    commands: np.ndarray  # COMMAND (n,)
+    records: NDArray[np.uint32]  # (drawables,) record of each instance drawn, in the commands' order
+    batches: tuple[Batch, ...]
+    triangles: int
+    drawables: int
+
+
+def build(
+    ids: NDArray[np.int64], tables: DrawTables, slab_of: NDArray[np.int32], first_index: NDArray[np.int64]
+) -> DrawList:
+    """Draw commands for sorted drawable `ids`, all of whose packs must be in the arena.
+
+    slab_of, first_index (packs,): where the arena holds each pack. Within a batch, meshes come in the order of their
+    first drawable: the same order whatever else is drawn, so that coplanar surfaces look the same every time.
+    """
+    geometry = tables.geometry[ids]
+    pack = tables.pack[geometry]
+    batch = slab_of[pack].astype(np.int64) * 3 + tables.side[ids]
+    if np.any(batch < 0):
+        raise ValueError("a drawable's pack is not in the arena")
+    rank = np.arange(len(ids), dtype=np.int64)
+    if tables.record[ids].any():  # several drawables may share a mesh: each takes the rank of the mesh's first
+        by_mesh = np.lexsort((rank, geometry, batch))
+        starts = _starts(batch[by_mesh], geometry[by_mesh])
+        lengths = np.diff(np.append(starts, len(ids)))
+        first_rank = np.empty_like(rank)
+        first_rank[by_mesh] = np.repeat(rank[by_mesh][starts], lengths)
+        order = np.lexsort((rank, first_rank, batch))
+    else:
+        order = np.argsort(batch, kind="stable")
+    batch, geometry, ordered = batch[order], geometry[order], ids[order]
+    starts = _starts(batch, geometry)
+    mesh = geometry[starts]
+    commands = np.zeros(len(starts), COMMAND)
+    commands["indices"] = tables.indices[mesh]
+    commands["instances"] = np.diff(np.append(starts, len(ids)))
+    commands["first_index"] = first_index[tables.pack[mesh]] + tables.first_index[mesh]
+    commands["base_instance"] = starts
+    batch_of_command = batch[starts]
+    edges = np.flatnonzero(np.diff(batch_of_command, prepend=-1, append=-1))
+    batches = tuple(
+        Batch(int(batch_of_command[a] // 3), int(batch_of_command[a] % 3), int(a), int(b - a))
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+    )
+    return DrawList(commands, tables.record[ordered], batches, int(tables.triangles[ids].sum()), len(ids))
+
+
+def _starts(batch: NDArray[np.int64], geometry: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where a new (batch, geometry) begins in two sorted-alike arrays."""
+    if not len(batch):
+        return np.zeros(0, np.int64)
+    changes = (np.diff(batch) != 0) | (np.diff(geometry) != 0)
+    return np.concatenate([[0], np.flatnonzero(changes) + 1])
+
+
+def merged_runs(commands: np.ndarray) -> NDArray[np.int64]:
+    """Runs (k, 2) of [first index, indices] of single-instance commands, joined where one ends as the next begins."""
+    first = commands["first_index"].astype(np.int64)
+    count = commands["indices"].astype(np.int64)
+    if not len(first):
+        return np.zeros((0, 2), np.int64)
+    starts = np.flatnonzero(np.concatenate([[True], first[1:] != first[:-1] + count[:-1]]))
+    return np.stack([first[starts], np.add.reduceat(count, starts)], axis=1)

@@ -1,0 +1,108 @@
+"""Draws drawables as seen from a view. Knows the GPU; knows nothing of cells, strategies or files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from player.renderer import draw_list, instances, shaders
+from player.renderer.arena import Arena
+from player.renderer.context import Abilities, use_depth_range
+from player.renderer.draw_list import DrawList, DrawTables
+from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
+from player.view import View, normalised, up_vector
+
+
+@dataclass(frozen=True)
+class Style:
+    """How the picture looks."""
+
+    up: str = "y"  # the model's up axis
+    fog: float = 0.0  # fading towards the horizon's colour, per model unit; 0: none
+    sky: bool = True  # False: black where there is no surface
+
+
+class Renderer:
+    """The arena, the placements and the shaders of one store in one context."""
+
+    def __init__(
+        self, context: moderngl.Context, able: Abilities, tables: DrawTables, packs: int, matrices: NDArray[np.float64],
+        step: float, style: Style,
+    ) -> None:  # fmt: skip
+        """packs: number of packs in the store; matrices (n, 3, 4): placements; step: model units per grid unit."""
+        self.context = context
+        self.able = able
+        self.arena = Arena(context, packs)
+        self._tables = tables
+        self._step = step
+        self._style = style
+        self._records = instances.record_texture(context, instances.records(matrices, step))
+        self._drawer: SurfaceDrawer = (MultiDraw if able.multi_draw else SingleDraws)(context, self.arena)
+        self._sky = context.program(vertex_shader=shaders.SKY[0], fragment_shader=shaders.SKY[1])
+        self._sky_array = context.vertex_array(self._sky, [])
+        self._last: tuple[NDArray[np.int64], int, DrawList] | None = None
+        up = up_vector(style.up)
+        lamp = normalised(np.roll(up, 1) * 0.45 + np.roll(up, 2) * 0.28 + up * 0.85)
+        surface = self._drawer.program
+        surface["u_records"] = 0
+        surface["u_up"] = tuple(up)
+        surface["u_lamp"] = tuple(lamp)
+        surface["u_fog"] = style.fog * step
+        surface["u_horizon"] = shaders.HORIZON
+        self._sky["u_up"] = tuple(up)
+        self._sky["u_horizon"] = shaders.HORIZON
+
+    def prepare(self, ids: NDArray[np.int64]) -> DrawList:
+        """Draw commands for sorted drawable `ids`, whose packs must be in the arena; kept while nothing changes."""
+        last = self._last
+        if last is not None and last[1] == self.arena.version and np.array_equal(last[0], ids):
+            return last[2]
+        draws = draw_list.build(ids, self._tables, self.arena.slab_of, self.arena.first_index)
+        self._last = (ids, self.arena.version, draws)
+        return draws
+
+    def draw(self, view: View, draws: DrawList, framebuffer: moderngl.Framebuffer) -> int:
+        """Draws the picture, background included, and returns the number of draw calls for surfaces."""
+        context = self.context
+        framebuffer.use()
+        context.viewport = (0, 0, view.width, view.height)
+        context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0 if self.able.reversed_depth else 1.0)
+        use_depth_range(context, reversed_depth=self.able.reversed_depth)
+        if self._style.sky:
+            self._draw_sky(view)
+        context.enable(moderngl.DEPTH_TEST)
+        context.depth_func = ">" if self.able.reversed_depth else "<"
+        program = self._drawer.program
+        camera = np.zeros((4, 4))
+        camera[:3, :3] = view.rotation.T * self._step
+        camera[3, 3] = 1
+        clip = view.projection(self.able.reversed_depth) @ camera
+        program["u_clip"].write(clip.T.astype(np.float32).tobytes())
+        whole, rest = instances.split(view.position, self._step)
+        program["u_eye_whole"].write(whole.tobytes())
+        program["u_eye_rest"].write(rest.tobytes())
+        self._records.use(0)
+        calls = self._drawer.draw(draws)
+        context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        use_depth_range(context, reversed_depth=False)
+        return calls
+
+    def release(self) -> None:
+        """Frees everything on the GPU."""
+        self._drawer.release()
+        self._sky_array.release()
+        self._sky.release()
+        self._records.release()
+        self.arena.release()
+
+    def _draw_sky(self, view: View) -> None:
+        half = math.tan(math.radians(view.field_of_view) / 2)
+        right, up, back = view.rotation.T
+        rays = np.stack([right * half * view.width / view.height, up * half, -back])
+        self._sky["u_rays"].write(rays.astype(np.float32).tobytes())  # one column of the matrix after the other
+        self._sky_array.render(moderngl.TRIANGLES, vertices=3)

@@ -1,0 +1,171 @@
+"""The shaders: surfaces, sky, and text over the picture.
+
+Surfaces are drawn relative to the eye in grid units: whole numbers subtract exactly in float32, so nothing trembles far
+from the origin. Light comes from the sky, from the ground, from one soft lamp above the viewer's shoulder, and from the
+viewer's head. Alpha is 1 where a surface was drawn and 0 where only sky is seen.
+"""
+
+from __future__ import annotations
+
+_RECORDS_PER_ROW = 1024
+
+_SURFACE_VERTEX = """
+uniform mat4 u_clip;        // grid units relative to the eye -> clip coordinates
+uniform vec3 u_eye_whole;   // the eye in grid units: whole part ...
+uniform vec3 u_eye_rest;    // ... and the rest
+uniform sampler2D u_records;
+
+in vec3 in_position;
+in ivec2 in_normal;
+in vec4 in_colour;
+
+out vec3 v_relative;
+out vec3 v_normal;
+out vec3 v_colour;
+
+#if MULTI_DRAW
+in uint in_record;
+uint record_index() { return in_record; }
+#else
+uniform usampler2D u_order;
+uniform int u_first;
+uint record_index() {
+    int i = u_first + gl_InstanceID;
+    return texelFetch(u_order, ivec2(i & 4095, i >> 12), 0).r;
+}
+#endif
+
+vec3 unpack_normal(ivec2 packed) {
+    vec2 e = vec2(packed) * (1.0 / 32767.0);
+    vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+    if (n.z < 0.0) {
+        n.xy = (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
+    }
+    return n;
+}
+
+void main() {
+    vec3 normal = unpack_normal(in_normal);
+    vec3 placed = in_position;
+    vec3 whole = vec3(0.0);
+    vec3 rest = vec3(0.0);
+    uint record = record_index();
+    if (record != 0u) {
+        ivec2 texel = ivec2(int(record % RECORDS_PER_ROWu) * 4, int(record / RECORDS_PER_ROWu));
+        vec4 r0 = texelFetch(u_records, texel, 0);
+        vec4 r1 = texelFetch(u_records, texel + ivec2(1, 0), 0);
+        vec4 r2 = texelFetch(u_records, texel + ivec2(2, 0), 0);
+        rest = texelFetch(u_records, texel + ivec2(3, 0), 0).xyz;
+        whole = vec3(r0.w, r1.w, r2.w);
+        placed = vec3(dot(r0.xyz, placed), dot(r1.xyz, placed), dot(r2.xyz, placed));
+        // Normals turn with the cofactor matrix; its sign is that of the determinant, so mirrored ones turn over too.
+        vec3 c0 = cross(r1.xyz, r2.xyz);
+        vec3 c1 = cross(r2.xyz, r0.xyz);
+        vec3 c2 = cross(r0.xyz, r1.xyz);
+        normal = vec3(dot(c0, normal), dot(c1, normal), dot(c2, normal)) * sign(dot(r0.xyz, c0));
+    }
+    vec3 relative = (placed + (whole - u_eye_whole)) + (rest - u_eye_rest);
+    v_relative = relative;
+    v_normal = normal;
+    v_colour = in_colour.rgb;
+    gl_Position = u_clip * vec4(relative, 1.0);
+}
+"""
+
+_SURFACE_FRAGMENT = """
+uniform vec3 u_up;
+uniform vec3 u_lamp;        // unit vector towards the lamp
+uniform float u_fog;        // per grid unit; 0: no fog
+uniform vec3 u_horizon;     // colour of the sky's horizon, linear
+
+in vec3 v_relative;
+in vec3 v_normal;
+in vec3 v_colour;
+out vec4 f_colour;
+
+void main() {
+    vec3 to_eye = normalize(-v_relative);
+    vec3 face = cross(dFdx(v_relative), dFdy(v_relative));
+    face = dot(face, to_eye) < 0.0 ? -face : face;
+    // The side that is seen is the side that is lit, whichever way the model's faces were wound.
+    vec3 normal = dot(v_normal, v_normal) > 1e-12 ? normalize(v_normal) : normalize(face);
+    normal = dot(normal, face) < 0.0 ? -normal : normal;
+
+    vec3 albedo = v_colour * v_colour;  // sRGB is close enough to gamma 2
+    float sky = 0.5 + 0.5 * dot(normal, u_up);
+    vec3 ambient = mix(vec3(0.27, 0.25, 0.23), vec3(0.50, 0.56, 0.64), sky);
+    float lamp = max(dot(normal, u_lamp), 0.0);
+    float head = max(dot(normal, to_eye), 0.0);
+    vec3 light = ambient + vec3(0.42, 0.40, 0.36) * lamp + vec3(0.26) * head;
+    vec3 shine = vec3(0.035) * pow(head, 32.0);
+    vec3 colour = albedo * light + shine;
+    colour = mix(u_horizon, colour, exp(-u_fog * length(v_relative)));
+    f_colour = vec4(sqrt(clamp(colour, 0.0, 1.0)), 1.0);
+}
+"""
+
+_SKY_VERTEX = """#version 330
+uniform mat3 u_rays;        // columns: half width, half height, forward
+out vec3 v_ray;
+void main() {
+    vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+    v_ray = u_rays * vec3(corner, 1.0);
+    gl_Position = vec4(corner, 0.5, 1.0);
+}
+"""
+
+_SKY_FRAGMENT = """#version 330
+uniform vec3 u_up;
+uniform vec3 u_horizon;
+in vec3 v_ray;
+out vec4 f_colour;
+void main() {
+    float height = dot(normalize(v_ray), u_up);
+    vec3 zenith = vec3(0.16, 0.32, 0.62);
+    vec3 ground = vec3(0.36, 0.35, 0.34);
+    vec3 colour = height > 0.0
+        ? mix(u_horizon, zenith, 1.0 - exp(-2.6 * height))
+        : mix(u_horizon, ground, 1.0 - exp(6.0 * height));
+    f_colour = vec4(sqrt(colour), 0.0);
+}
+"""
+
+_TEXT_VERTEX = """#version 330
+in vec2 in_position;        // pixels from the top left corner
+in vec2 in_texture;
+in vec4 in_colour;
+uniform vec2 u_size;        // of the picture in pixels
+out vec2 v_texture;
+out vec4 v_colour;
+void main() {
+    v_texture = in_texture;
+    v_colour = in_colour;
+    gl_Position = vec4(2.0 * in_position.x / u_size.x - 1.0, 1.0 - 2.0 * in_position.y / u_size.y, 0.5, 1.0);
+}
+"""
+
+_TEXT_FRAGMENT = """#version 330
+uniform sampler2D u_atlas;
+in vec2 v_texture;
+in vec4 v_colour;
+out vec4 f_colour;
+void main() {
+    f_colour = vec4(v_colour.rgb, v_colour.a * texture(u_atlas, v_texture).r);
+}
+"""
+
+#: The horizon's colour, linear.
+HORIZON = (0.72, 0.78, 0.84)
+
+SKY = (_SKY_VERTEX, _SKY_FRAGMENT)
+TEXT = (_TEXT_VERTEX, _TEXT_FRAGMENT)
+
+
+def surface(*, multi_draw: bool) -> tuple[str, str]:
+    """Vertex and fragment shader of surfaces.
+
+    multi_draw: record indices come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3).
+    """
+    version = "#version 430\n" if multi_draw else "#version 330\n"
+    vertex = _SURFACE_VERTEX.replace("RECORDS_PER_ROW", str(_RECORDS_PER_ROW))
+    return f"{version}#define MULTI_DRAW {int(multi_draw)}\n{vertex}", version + _SURFACE_FRAGMENT

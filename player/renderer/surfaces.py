@@ -1,0 +1,185 @@
+"""Draws a draw list: one multi-draw call per batch on OpenGL 4.3, one call per mesh (or run of meshes) on 3.3."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from player.renderer import shaders
+from player.renderer.arena import Arena
+from player.renderer.draw_list import BACK_ONLY, BOTH_SIDES, COMMAND, DrawList, merged_runs
+
+_ORDER_WIDTH = 4096  # records in a row of the order texture; the shader knows this number
+
+
+class SurfaceDrawer(Protocol):
+    """One way to draw a draw list."""
+
+    program: moderngl.Program
+
+    def draw(self, draws: DrawList) -> int:
+        """Draws everything into the bound framebuffer and returns the number of draw calls."""
+        ...
+
+    def release(self) -> None:
+        """Frees what it holds on the GPU."""
+        ...
+
+
+def _set_culling(context: moderngl.Context, side: int) -> None:
+    if side == BOTH_SIDES:
+        context.disable(moderngl.CULL_FACE)
+    else:
+        context.enable(moderngl.CULL_FACE)
+        context.front_face = "ccw"
+        context.cull_face = "front" if side == BACK_ONLY else "back"
+
+
+class MultiDraw:
+    """Multi-draw indirect: the commands lie in a buffer, records come as an instanced attribute."""
+
+    def __init__(self, context: moderngl.Context, arena: Arena) -> None:
+        self._context = context
+        self._arena = arena
+        vertex, fragment = shaders.surface(multi_draw=True)
+        self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
+        self._commands = context.buffer(reserve=COMMAND.itemsize << 10, dynamic=True)
+        self._records = context.buffer(reserve=4 << 10, dynamic=True)
+        self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
+        self._written: DrawList | None = None
+
+    def draw(self, draws: DrawList) -> int:
+        """Draws everything; one call per batch."""
+        if draws is not self._written:
+            self._commands = self._rewritten(self._commands, draws.commands)
+            grown = self._rewritten(self._records, draws.records)
+            if grown is not self._records:
+                self._records = grown
+                self._forget_arrays()
+            self._written = draws
+        for batch in draws.batches:
+            _set_culling(self._context, batch.side)
+            self._array(batch.slab).render_indirect(self._commands, moderngl.TRIANGLES, batch.commands, batch.first)
+        return len(draws.batches)
+
+    def release(self) -> None:
+        """Frees what it holds on the GPU."""
+        self._forget_arrays()
+        for item in (self._commands, self._records, self.program):
+            item.release()
+
+    def _rewritten(self, buffer: moderngl.Buffer, data: np.ndarray) -> moderngl.Buffer:
+        if buffer.size < data.nbytes:
+            buffer.release()
+            buffer = self._context.buffer(reserve=2 * data.nbytes, dynamic=True)
+        else:
+            buffer.orphan()
+        if data.nbytes:
+            buffer.write(data.tobytes())
+        return buffer
+
+    def _array(self, slab_index: int) -> moderngl.VertexArray:
+        slab = self._arena.slabs[slab_index]
+        known = self._arrays.get(slab_index)
+        if known is not None and known[0] == slab.version:
+            return known[1]
+        if known is not None:
+            known[1].release()
+        array = self._context.vertex_array(
+            self.program,
+            [
+                (slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour"),
+                (self._records, "1u4/i", "in_record"),
+            ],
+            slab.index_buffer,
+        )
+        self._arrays[slab_index] = (slab.version, array)
+        return array
+
+    def _forget_arrays(self) -> None:
+        for _, array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+
+
+class SingleDraws:
+    """OpenGL 3.3: one call per run of neighbouring meshes, one per instanced mesh; records come from a texture."""
+
+    def __init__(self, context: moderngl.Context, arena: Arena) -> None:
+        self._context = context
+        self._arena = arena
+        vertex, fragment = shaders.surface(multi_draw=False)
+        self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
+        self.program["u_order"] = 1
+        self._order = context.texture((_ORDER_WIDTH, 1), 1, dtype="u4")
+        self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
+        self._written: DrawList | None = None
+        self._calls: list[tuple[int, int, int, int, int, int]] = []
+
+    def draw(self, draws: DrawList) -> int:
+        """Draws everything."""
+        if draws is not self._written:
+            self._write_order(draws.records)
+            self._calls = list(_calls(draws))
+            self._written = draws
+        self._order.use(1)
+        first_record: moderngl.Uniform = self.program["u_first"]
+        for slab, side, first, indices, instances, base in self._calls:
+            _set_culling(self._context, side)
+            first_record.value = base
+            self._array(slab).render(moderngl.TRIANGLES, vertices=indices, first=first, instances=instances)
+        return len(self._calls)
+
+    def release(self) -> None:
+        """Frees what it holds on the GPU."""
+        for _, array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        self._order.release()
+        self.program.release()
+
+    def _write_order(self, records: NDArray[np.uint32]) -> None:
+        rows = max(1, -(-len(records) // _ORDER_WIDTH))
+        if rows > self._order.height:
+            self._order.release()
+            self._order = self._context.texture((_ORDER_WIDTH, 2 * rows), 1, dtype="u4")
+        padded = np.zeros(rows * _ORDER_WIDTH, np.uint32)
+        padded[: len(records)] = records
+        self._order.write(padded.tobytes(), viewport=(0, 0, _ORDER_WIDTH, rows))
+
+    def _array(self, slab_index: int) -> moderngl.VertexArray:
+        slab = self._arena.slabs[slab_index]
+        known = self._arrays.get(slab_index)
+        if known is not None and known[0] == slab.version:
+            return known[1]
+        if known is not None:
+            known[1].release()
+        array = self._context.vertex_array(
+            self.program,
+            [(slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour")],
+            slab.index_buffer,
+        )
+        self._arrays[slab_index] = (slab.version, array)
+        return array
+
+
+def _calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:
+    """Draw calls of a list: (slab, side, first index, indices, instances, first record)."""
+    calls = []
+    for batch in draws.batches:
+        commands = draws.commands[batch.first : batch.first + batch.commands]
+        baked = (commands["instances"] == 1) & (draws.records[commands["base_instance"]] == 0)
+        for stretch in np.split(np.arange(len(commands)), np.flatnonzero(np.diff(baked)) + 1):
+            some = commands[stretch]
+            if baked[stretch[0]]:
+                base = int(some["base_instance"][0])
+                calls += [(batch.slab, batch.side, int(a), int(n), 1, base) for a, n in merged_runs(some)]
+            else:
+                calls += [
+                    (batch.slab, batch.side, int(c["first_index"]), int(c["indices"]), int(c["instances"]), int(c["base_instance"]))
+                    for c in some
+                ]
+    return calls

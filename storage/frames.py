@@ -1,0 +1,257 @@
+"""Shards: immutable, content-addressed files of checksummed frames.
+
+Layout of a shard (all numbers little-endian):
+
+    magic      8 bytes   b"vLODshd\\x01"
+    frames     the frames' bytes, one after the other
+    index      one FRAME record for each frame
+    tail       32 bytes: length of the index in bytes (u8), its checksum (16 bytes), b"\\x01dhsDOLv"
+
+A shard's name is the first 32 hex digits of the SHA-256 of its whole content, so any changed byte is found by hashing the
+file; a frame's own checksum finds a changed byte when only that frame is read. Reading a frame of a shard whose index is
+known is one range request. Shards lie in the folder `shards/` of a store.
+
+A shard appears under its name only once it is complete and on disk: it is written to a temporary name and then renamed. A
+reader can never observe a part of one. Temporary files left behind by a killed writer start with `.tmp-`, are never read,
+and may be deleted at any time when nothing writes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+
+from storage.errors import CorruptStoreError
+
+MAGIC = b"vLODshd\x01"
+TAIL_MAGIC = b"\x01dhsDOLv"
+TAIL_BYTES = 32
+
+#: Folder of a store that holds its shards.
+FOLDER = "shards"
+
+#: One frame of a shard as its index lists it.
+FRAME = np.dtype(
+    [
+        ("kind", "<u4"),  # a Kind
+        ("offset", "<u8"),  # of the first byte, from the shard's start, in bytes
+        ("bytes", "<u8"),
+        ("checksum", "<u8"),  # BLAKE2b, 8 bytes
+    ]
+)
+
+#: What the first request for a shard's end asks for, in bytes: holds the index of all but the largest shards.
+TAIL_READ = 1 << 15
+
+
+class Kind(IntEnum):
+    """What a frame holds."""
+
+    TABLE = 1  # a structured array: storage.columns
+    NAMES = 2  # a list of strings: storage.columns
+    GEOMETRY = 3  # a pack of meshes: storage.geometry
+    SOURCE_FACES = 4  # the faces that the meshes of a pack come from: storage.geometry
+    KEY_SET = 5  # a cell's whole vLOD: storage.codecs
+    DELTAS = 6  # a block of boundaries' deltas: storage.codecs
+
+
+class ShardRecord(NamedTuple):
+    """A finished shard."""
+
+    name: str
+    bytes: int
+
+
+def shard_path(name: str) -> str:
+    """Path of a shard inside a store."""
+    return f"{FOLDER}/{name}"
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """Opens a new file for writing that appears at `path`, whole and on disk, when the block ends without an error.
+
+    It replaces what was there. No reader can observe a partly written file; after an error nothing is left behind.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".tmp-{secrets.token_hex(8)}")
+    try:
+        with temporary.open("wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+        _sync_folder(path.parent)
+    finally:
+        with suppress(FileNotFoundError):
+            temporary.unlink()
+
+
+class ShardWriter:
+    """Writes one shard, frame by frame, holding none of them in memory. Use as a context manager.
+
+    After the block ended without an error, `record` is the finished shard; after an error nothing is left on disk.
+    """
+
+    record: ShardRecord
+
+    def __init__(self, root: Path) -> None:
+        self._folder = root / FOLDER
+        self._index: list[tuple[int, int, int, int]] = []
+
+    def __enter__(self) -> ShardWriter:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._temporary = self._folder / f".tmp-{secrets.token_hex(8)}"
+        self._file = self._temporary.open("wb")
+        self._digest = hashlib.sha256()
+        self._bytes = 0
+        self._write(MAGIC)
+        return self
+
+    def add(self, kind: Kind, payload: bytes) -> int:
+        """Appends a frame; returns its index in the shard."""
+        self._index.append((int(kind), self._bytes, len(payload), checksum(payload)))
+        self._write(payload)
+        return len(self._index) - 1
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._digest.update(data)
+        self._bytes += len(data)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is None:
+                index = np.array(self._index, FRAME).tobytes()
+                self._write(index)
+                self._write(len(index).to_bytes(8, "little") + _index_checksum(index) + TAIL_MAGIC)
+                self._file.flush()
+                os.fsync(self._file.fileno())
+                name = self._digest.hexdigest()[:32]
+                self._temporary.replace(self._folder / name)
+                _sync_folder(self._folder)
+                self.record = ShardRecord(name, self._bytes)
+        finally:
+            self._file.close()
+            with suppress(FileNotFoundError):
+                self._temporary.unlink()
+
+
+def write_shard(root: Path, frames: Iterable[tuple[Kind, bytes]]) -> ShardRecord:
+    """Writes a shard of the given frames into the store at `root`; the same frames give the same name."""
+    with ShardWriter(root) as shard:
+        for kind, payload in frames:
+            shard.add(kind, payload)
+    return shard.record
+
+
+class ShardReader:
+    """Reads the frames of one shard. Safe to use from several threads.
+
+    read: gives the bytes from start to end of the shard's file.
+    Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
+    """
+
+    def __init__(self, record: ShardRecord, read: Callable[[int, int], bytes]) -> None:
+        self.record = record
+        self._read = read
+        self._index: np.ndarray | None = None
+
+    @property
+    def index(self) -> np.ndarray:
+        """The shard's FRAME records; read on first use, in one or two requests."""
+        if self._index is None:
+            size = self.record.bytes
+            start = max(0, size - TAIL_READ)
+            end = self._range(start, size)
+            if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
+                raise self._corrupt("its end is not a shard's")
+            length = int.from_bytes(end[-32:-24], "little")
+            if length % FRAME.itemsize or length > size - TAIL_BYTES - len(MAGIC):
+                raise self._corrupt("its index has an impossible length")
+            missing = length + TAIL_BYTES - len(end)
+            if missing > 0:
+                end = self._range(start - missing, start) + end
+            index = end[len(end) - TAIL_BYTES - length : -TAIL_BYTES]
+            if _index_checksum(index) != end[-24:-8]:
+                raise self._corrupt("its index does not match its checksum")
+            self._index = np.frombuffer(index, FRAME)
+        return self._index
+
+    def frame(self, number: int, kind: Kind) -> bytes:
+        """The bytes of frame `number`, checked against its checksum and kind."""
+        index = self.index
+        if not 0 <= number < len(index):
+            raise self._corrupt(f"it has {len(index)} frames, so no frame {number}")
+        entry = index[number]
+        if entry["kind"] != kind:
+            raise self._corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
+        start = int(entry["offset"])
+        payload = self._range(start, start + int(entry["bytes"]))
+        if checksum(payload) != int(entry["checksum"]):
+            raise self._corrupt(f"frame {number} does not match its checksum")
+        return payload
+
+    def problems(self) -> Iterator[str]:
+        """Reads the whole shard and says what is wrong with it, if anything: every byte is covered."""
+        try:
+            content = self._range(0, self.record.bytes)
+        except CorruptStoreError as error:
+            yield str(error)
+            return
+        digest = hashlib.sha256(content).hexdigest()[:32]
+        if digest == self.record.name:
+            return
+        yield str(self._corrupt(f"its content hashes to {digest}"))
+        whole = ShardReader(self.record, lambda start, end: content[start:end])
+        try:
+            frames = whole.index
+        except CorruptStoreError as error:
+            yield str(error)
+            return
+        for number, kind in enumerate(frames["kind"].tolist()):
+            try:
+                whole.frame(number, kind)
+            except CorruptStoreError as error:
+                yield str(error)
+
+    def _range(self, start: int, end: int) -> bytes:
+        data = self._read(start, end)
+        if len(data) != end - start:
+            raise self._corrupt(f"it should be {self.record.bytes} bytes long but ends before byte {end}")
+        return data
+
+    def _corrupt(self, what: str) -> CorruptStoreError:
+        return CorruptStoreError(
+            f"{shard_path(self.record.name)} is damaged: {what}; copy the shard again or rebuild the store"
+        )
+
+
+def checksum(payload: bytes) -> int:
+    """BLAKE2b of a frame's bytes, as a number of 64 bits."""
+    return int.from_bytes(hashlib.blake2b(payload, digest_size=8).digest(), "little")
+
+
+def _index_checksum(index: bytes) -> bytes:
+    return hashlib.blake2b(index, digest_size=16).digest()
+
+
+def _sync_folder(folder: Path) -> None:
+    """Makes a rename in `folder` durable, where the file system can."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

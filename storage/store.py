@@ -1,0 +1,395 @@
+"""Opening a store and reading from it: the public reading surface.
+
+    from storage import open_store
+    s = open_store(url)
+    s.drawables, s.cells     structured arrays: storage.tables
+    s.cell_at(points)        which cell holds each point
+    s.vlod(cell)             what can be seen from the cell
+    s.cut(cell)              the whole model at the cell's detail, visible or not
+    s.mesh(drawable)         its triangles in model space
+
+A store is safe to use from several threads. Everything that is given out is read-only.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from storage.cache import ByteCache
+from storage.codecs import codec_named
+from storage.columns import unpack_names, unpack_table
+from storage.deltas import Delta, Ids, odd_ones
+from storage.detail import choose_levels
+from storage.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
+from storage.files import Files
+from storage.frames import Kind, ShardReader, ShardRecord, shard_path
+from storage.geometry import Pack, unpack, unpack_source_faces
+from storage.manifest import FILE, Manifest, from_bytes, version_path
+from storage.octree import LeafSet, Octree, neighbours
+from storage.tables import (
+    BOUNDARY,
+    CELL,
+    CELL_LINK,
+    DRAWABLE,
+    GEOMETRY,
+    INSTANCE,
+    NODE,
+    PACK,
+    PART,
+    Grid,
+    transform_points,
+)
+
+#: Bytes of decoded packs that a store keeps in memory.
+GEOMETRY_CACHE = 1 << 28
+
+#: Bytes of decoded cell shards' tables, sets and deltas that a store keeps in memory.
+CELL_CACHE = 1 << 26
+
+
+class LocalMesh(NamedTuple):
+    """A mesh as stored, in its own coordinates: local position = integer * scale. Instances share it."""
+
+    positions: NDArray[np.int32]  # (n, 3)
+    triangles: NDArray[np.uint32]  # (m, 3)
+    normals: NDArray[np.float32]  # (n, 3), unit
+    colours: NDArray[np.uint8]  # (n, 4)
+    scale: float  # local units per integer step, a power of two
+
+
+class Mesh(NamedTuple):
+    """A drawable's triangles in model space."""
+
+    positions: NDArray[np.float32]  # (n, 3), model units; each an exact integer multiple of the grid's step
+    triangles: NDArray[np.uint32]  # (m, 3), counter-clockwise as seen from the side the normals point to
+    normals: NDArray[np.float32]  # (n, 3), unit
+    colours: NDArray[np.uint8]  # (n, 4), red, green, blue, opacity
+
+
+class Problem(NamedTuple):
+    """Something found wrong by `Store.check`."""
+
+    file: str  # path inside the store
+    what: str  # one line
+
+    def __str__(self) -> str:
+        return self.what
+
+
+class _CellShard(NamedTuple):
+    """The tables of one cell shard."""
+
+    links: np.ndarray  # CELL_LINK
+    boundaries: np.ndarray  # BOUNDARY, sorted by first, second
+    keys: NDArray[np.int64]  # (k, 2), first and second of each boundary, cells of the store
+
+
+class Geometry:
+    """The geometry of a store: its tables and meshes. `Store` adds cells.
+
+    Every method raises CorruptStoreError, which names the shard, where bytes are missing or changed, and
+    StoreUnreachableError where they cannot be read.
+    """
+
+    def __init__(self, files: Files, section: Mapping[str, Any]) -> None:
+        self.files = files
+        self.grid = Grid(float(section["grid_step"]))
+        tables = self._reader(ShardRecord(*section["tables"]))
+        dtypes = (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE)
+        loaded = [unpack_table(tables.frame(frame, Kind.TABLE), dtype) for frame, dtype in enumerate(dtypes)]
+        #: PART, INSTANCE, GEOMETRY, PACK, NODE and DRAWABLE arrays: storage.tables.
+        self.parts, self.instances, self.geometry, self.packs, self.nodes, self.drawables = loaded
+        #: The name of each part.
+        self.part_names = unpack_names(tables.frame(len(dtypes), Kind.NAMES))
+        self._geometry_shards = [self._reader(ShardRecord(*entry)) for entry in section["shards"]]
+        self._packs: ByteCache[Pack] = ByteCache(GEOMETRY_CACHE)
+
+    @property
+    def bytes_fetched(self) -> int:
+        """Bytes read from the store's files so far."""
+        return self.files.bytes_fetched
+
+    def pack(self, number: int) -> Pack:
+        """A decoded pack, in the local coordinates of its meshes; row `number` of `packs` says where it lies."""
+
+        def load() -> tuple[Pack, int]:
+            row = self.packs[number]
+            decoded = unpack(self._geometry_shards[int(row["shard"])].frame(int(row["frame"]), Kind.GEOMETRY))
+            if len(decoded.positions) != row["vertices"] or len(decoded.triangles) != row["triangles"]:
+                raise CorruptStoreError(f"pack {number} is not of the size that the tables say; rebuild the store")
+            return decoded, decoded.bytes
+
+        return self._packs.get(int(number), load)
+
+    def local_mesh(self, geometry: int) -> LocalMesh:
+        """The mesh of row `geometry` of the GEOMETRY table, in its local coordinates."""
+        row = self.geometry[geometry]
+        decoded = self.pack(int(row["pack"]))
+        vertices = slice(int(row["vertex_start"]), int(row["vertex_start"]) + int(row["vertices"]))
+        triangles = slice(int(row["triangle_start"]), int(row["triangle_start"]) + int(row["triangles"]))
+        return LocalMesh(
+            decoded.positions[vertices],
+            decoded.triangles[triangles],
+            decoded.normals[vertices],
+            decoded.colours[vertices],
+            float(row["scale"]),
+        )
+
+    def mesh(self, drawable: int) -> Mesh:
+        """A drawable's triangles in model space.
+
+        Positions are exact integer multiples of grid.step; of instances they are snapped to it. The normals of instances
+        are turned by the inverse transpose of their matrix, and the winding of mirrored ones is reversed.
+        """
+        row = self.drawables[drawable]
+        local = self.local_mesh(int(row["geometry"]))
+        triangles, normals = local.triangles, local.normals
+        if row["instance"] < 0:
+            positions = (local.positions * np.float64(local.scale)).astype(np.float32)
+        else:
+            matrix = self.instances[int(row["instance"])]["matrix"]
+            placed = transform_points(matrix, local.positions * np.float64(local.scale))
+            positions = (self.grid.snap(placed) * np.float64(self.grid.step)).astype(np.float32)
+            cofactors, mirrored = _cofactors(matrix)
+            normals = _unit(transform_points(cofactors, normals))
+            if mirrored:
+                triangles = np.ascontiguousarray(triangles[:, [0, 2, 1]])
+                triangles.flags.writeable = False
+        positions.flags.writeable = False
+        return Mesh(positions, triangles, normals, local.colours)
+
+    def source_faces(self, drawable: int) -> tuple[int, NDArray[np.uint32]]:
+        """For a finest level: the part that it belongs to, and for each of its triangles (m,) the face of that part.
+
+        Raises ParameterError for a coarser level.
+        """
+        row = self.drawables[drawable]
+        geometry = self.geometry[int(row["geometry"])]
+        number = int(geometry["pack"])
+        pack_row = self.packs[number]
+        if row["level"] != 0 or pack_row["source_frame"] < 0:
+            raise ParameterError(f"drawable {drawable} is of level {row['level']}: only finest levels have source faces")
+        shard = self._geometry_shards[int(pack_row["shard"])]
+        faces = unpack_source_faces(shard.frame(int(pack_row["source_frame"]), Kind.SOURCE_FACES))
+        start = int(geometry["triangle_start"])
+        part = int(self.nodes[int(row["node"])]["part"])
+        return part, faces[start : start + int(geometry["triangles"])]
+
+    def _reader(self, record: ShardRecord) -> ShardReader:
+        path = shard_path(record.name)
+
+        def read(start: int, end: int) -> bytes:
+            try:
+                return self.files.read(path, start, end)
+            except StoreNotFoundError as error:
+                raise CorruptStoreError(f"{self.files.url}/{path} is missing; copy it again or rebuild the store") from error
+
+        return ShardReader(record, read)
+
+
+class Store(Geometry):
+    """A store opened for reading: geometry, and the vLODs of its view cells. Made by `open_store`."""
+
+    def __init__(self, files: Files, manifest: Manifest) -> None:
+        super().__init__(files, manifest.geometry)
+        self.manifest = manifest
+        section = manifest.cells
+        self.octree: Octree | None = None
+        self.cells = np.zeros(0, CELL)
+        self._shard_starts = np.zeros(1, np.int64)
+        if section:
+            low = section["octree_lo"]
+            self.octree = Octree((low[0], low[1], low[2]), section["octree_size"])
+            table = self._reader(ShardRecord(*section["table"]))
+            self.cells = unpack_table(table.frame(0, Kind.TABLE), CELL)
+            self._codec = codec_named(section["codec"])
+            self._cell_shards = [self._reader(ShardRecord(name, size)) for name, size, _ in section["shards"]]
+            self._shard_starts = np.cumsum([0, *(count for _, _, count in section["shards"])])
+        self._cell_cache: ByteCache[Any] = ByteCache(CELL_CACHE)
+
+    @cached_property
+    def _leaves(self) -> LeafSet:
+        return LeafSet(self.cells["key"])
+
+    @cached_property
+    def _neighbours(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Offsets (n + 1,) and neighbours of all computed cells, in one list."""
+        pairs, _ = neighbours(self.cells["key"])
+        pairs = pairs[self.cells["computed"][pairs].all(axis=1)]
+        both = np.concatenate([pairs, pairs[:, ::-1]])
+        both = both[np.lexsort((both[:, 1], both[:, 0]))]
+        return np.searchsorted(both[:, 0], np.arange(len(self.cells) + 1)), both[:, 1]
+
+    def cell_at(self, points: ArrayLike) -> NDArray[np.int64]:
+        """The cell (n,) int64 that holds each of the points (n, 3) in model units; -1 where nothing was computed.
+
+        Cells are closed below and open above; the octree as a whole is closed.
+        """
+        if self.octree is None:
+            return np.full(len(np.asarray(points).reshape(-1, 3)), -1, np.int64)
+        found = self.octree.locate(points, self._leaves)
+        return np.where((found >= 0) & self.cells["computed"][found], found, -1)
+
+    def neighbours(self, cell: int) -> NDArray[np.int64]:
+        """The computed cells (n,) int64 that share a face with `cell`, increasing."""
+        starts, others = self._neighbours
+        self._computed(cell)
+        return others[starts[cell] : starts[cell + 1]]
+
+    def vlod(self, cell: int) -> NDArray[np.int64]:
+        """What can be seen from the cell: drawable ids (n,) int64, strictly increasing.
+
+        Reads the cell's key set and the deltas on the way to it, not the whole shard. Raises NotComputedError.
+        """
+        self._computed(cell)
+
+        def load() -> tuple[NDArray[np.int64], int]:
+            number = int(np.searchsorted(self._shard_starts, cell, side="right")) - 1
+            links = self._cell_shard(number).links
+            at = cell - int(self._shard_starts[number])
+            lists: list[Ids] = []
+            while (parent := int(links[at]["parent"])) >= 0:
+                lists.extend(self._change(number, int(links[at]["frame"]), int(links[at]["slot"])))
+                at = parent
+            lists.extend(self._block(number, int(links[at]["frame"]), Kind.KEY_SET))
+            ids = odd_ones(lists).astype(np.int64)
+            if len(ids) != self.cells[cell]["drawables"]:
+                name = shard_path(self._cell_shards[number].record.name)
+                raise CorruptStoreError(f"{name} is damaged: cell {cell} has {len(ids)} drawables; rebuild the store")
+            ids.flags.writeable = False
+            return ids, ids.nbytes
+
+        return self._cell_cache.get(("vlod", int(cell)), load)
+
+    def delta(self, a: int, b: int) -> Delta:
+        """What changes from cell a to cell b, which share a face: ids added and dropped, strictly increasing uint32.
+
+        Raises NotComputedError if either was not computed, ParameterError if they share no face.
+        """
+        self._computed(a)
+        self._computed(b)
+        if a > b:
+            return self.delta(b, a).reversed()
+        number = int(np.searchsorted(self._shard_starts, a, side="right")) - 1
+        shard = self._cell_shard(number)
+        run = slice(*np.searchsorted(shard.keys[:, 0], [a, a + 1]).tolist())
+        at = run.start + int(np.searchsorted(shard.keys[run, 1], b))
+        if at >= run.stop or shard.keys[at, 1] != b:
+            raise ParameterError(f"cells {a} and {b} share no face")
+        row = shard.boundaries[at]
+        return self._change(number, int(row["frame"]), int(row["slot"]))
+
+    def cut(self, cell: int) -> NDArray[np.int64]:
+        """The whole model at the cell's detail, visible or not: drawable ids (n,) int64, strictly increasing."""
+        row = self.cells[cell]
+        angle, error = self.manifest.pixel_angle, float(row["pixel_error"])
+        return choose_levels(self.nodes, self.drawables, row["lo"], row["hi"], angle, error)
+
+    def check(self) -> Iterator[Problem]:
+        """Reads every byte of the store and yields what is wrong with it: nothing, for a sound store."""
+        try:
+            read = from_bytes(self.files.read(FILE), FILE)
+            if read.version == self.manifest.version and read != self.manifest:
+                yield Problem(FILE, f"{FILE} is not what it was when the store was opened")
+        except StoreError as error:
+            yield Problem(FILE, str(error))
+        for _, record in self.manifest.shards():
+            path = shard_path(record.name)
+            try:
+                size = self.files.size(path)
+                if size is not None and size != record.bytes:
+                    yield Problem(path, f"{path} has {size} bytes, not {record.bytes}; copy it again or rebuild the store")
+                    continue
+                for what in self._reader(record).problems():
+                    yield Problem(path, what)
+            except StoreError as error:
+                yield Problem(path, str(error))
+
+    def _computed(self, cell: int) -> None:
+        if not 0 <= cell < len(self.cells):
+            raise NotComputedError(f"there is no cell {cell}: the store has cells 0 to {len(self.cells) - 1}")
+        if not self.cells[cell]["computed"]:
+            raise NotComputedError(f"cell {cell} was not computed; run `vlod build` again to finish the store")
+
+    def _cell_shard(self, number: int) -> _CellShard:
+        def load() -> tuple[_CellShard, int]:
+            reader = self._cell_shards[number]
+            links = unpack_table(reader.frame(1, Kind.TABLE), CELL_LINK)
+            table = unpack_table(reader.frame(2, Kind.TABLE), BOUNDARY)
+            keys = np.stack([table["first"] + self._shard_starts[number], table["second"]], axis=1).astype(np.int64)
+            return _CellShard(links, table, keys), links.nbytes + table.nbytes + keys.nbytes
+
+        return self._cell_cache.get(("shard", number), load)
+
+    def _block(self, number: int, frame: int, kind: Kind) -> list[Ids]:
+        """A decoded frame of key sets or deltas."""
+
+        def load() -> tuple[list[Ids], int]:
+            lists = self._codec.decode(self._cell_shards[number].frame(frame, kind))
+            return lists, sum(ids.nbytes for ids in lists)
+
+        return self._cell_cache.get((number, frame), load)
+
+    def _change(self, number: int, frame: int, slot: int) -> Delta:
+        lists = self._block(number, frame, Kind.DELTAS)
+        return Delta(lists[2 * slot], lists[2 * slot + 1])
+
+
+def open_store(url: str | os.PathLike[str], *, version: int | None = None) -> Store:
+    """Opens a store for reading: a path, or a URL that fsspec knows (file, http, https, memory, s3, ...).
+
+    version: an older version of it; None for the current one.
+    Raises StoreNotFoundError where there is no store, CorruptStoreError where it is damaged, StoreFormatError where its
+    format is unknown, StoreUnreachableError where it cannot be read, MissingDependencyError where its protocol needs a
+    package that is not installed.
+    """
+    files = Files(url)
+    path = FILE if version is None else version_path(version)
+    try:
+        data = files.read(path)
+    except StoreNotFoundError as error:
+        cause = "not a vLOD store, or its build has not finished; run `vlod build MODEL STORE`"
+        if version is not None:
+            cause = f"the store has no version {version}"
+        raise StoreNotFoundError(f"{files.url}: no {path}: {cause}") from error
+    return Store(files, from_bytes(data, f"{files.url}/{path}"))
+
+
+def open_geometry(root: str | os.PathLike[str], geometry_manifest: Mapping[str, Any]) -> Geometry:
+    """Opens the geometry of a store whose build is still running.
+
+    geometry_manifest: what `storage.writer.geometry_section` gave. The result has all that `Store` has but cells.
+    """
+    return Geometry(Files(Path(root)), geometry_manifest)
+
+
+def _cofactors(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """The inverse transpose of the matrix's left 3x3, but for a positive factor, as (3, 4); and whether it mirrors.
+
+    Written out term by term: the same bits on every machine.
+    """
+    m = np.asarray(matrix, np.float64)
+    rows = np.zeros((3, 4))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            rows[i, j] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
+    determinant = (m[0, 0] * rows[0, 0] + m[0, 1] * rows[0, 1]) + m[0, 2] * rows[0, 2]
+    return (-rows, True) if determinant < 0 else (rows, False)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Vectors (n, 3) scaled to unit length; +z where there is no direction. Read-only."""
+    x, y, z = vectors[:, 0], vectors[:, 1], vectors[:, 2]
+    lengths = np.sqrt((x * x + y * y) + z * z)
+    result = np.where(lengths[:, None] > 0, vectors / np.where(lengths > 0, lengths, 1)[:, None], [0.0, 0.0, 1.0])
+    unit = result.astype(np.float32)
+    unit.flags.writeable = False
+    return unit

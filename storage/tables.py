@@ -1,0 +1,150 @@
+"""The tables of a store: what is stored about the model, as numpy structured dtypes.
+
+All dtypes are little-endian and packed, so their bytes are the same on every machine.
+Lengths are in model units unless a field says "grid units"; one grid unit is `Grid.step` model units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: A mesh placed in the model: which of the model's names it bears and how many faces it has.
+PART = np.dtype(
+    [
+        ("mesh", "<u4"),  # index of the imported mesh that the part places
+        ("faces", "<u4"),  # triangles of the part
+    ]
+)
+
+#: The placement of an instanced mesh: model position = matrix @ (x, y, z, 1).
+INSTANCE = np.dtype([("matrix", "<f8", (3, 4))])
+
+#: One mesh as stored: where it lies inside its pack, a frame of several meshes that are fetched together.
+#: Positions are integers; local position = integer * scale (scale is a power of two, in local units).
+GEOMETRY = np.dtype(
+    [
+        ("pack", "<u4"),  # index into PACK
+        ("vertex_start", "<u4"),  # first vertex inside the pack
+        ("vertices", "<u4"),
+        ("triangle_start", "<u4"),  # first triangle inside the pack
+        ("triangles", "<u4"),
+        ("scale", "<f8"),  # local units per integer step, a power of two
+    ]
+)
+
+#: Where the compressed bytes of a pack of meshes lie.
+PACK = np.dtype(
+    [
+        ("shard", "<u4"),  # index into the manifest's list of geometry shards
+        ("frame", "<u4"),  # index of the frame inside the shard
+        ("source_frame", "<i4"),  # index of the frame with the triangles' source faces, -1: none are kept
+        ("vertices", "<u4"),
+        ("triangles", "<u4"),
+    ]
+)
+
+#: A node of the hierarchy with its levels: drawables first_drawable ... first_drawable + levels - 1, finest first.
+NODE = np.dtype(
+    [
+        ("first_drawable", "<u4"),
+        ("levels", "<u4"),
+        ("part", "<u4"),  # index into PART of the part that the object belongs to
+        ("lo", "<f4", (3,)),  # box around all levels and the surface they stand for
+        ("hi", "<f4", (3,)),
+    ]
+)
+
+#: One (node, level): the unit of visibility, storage and drawing.
+DRAWABLE = np.dtype(
+    [
+        ("node", "<u4"),
+        ("level", "<u4"),  # 0 is the finest
+        ("geometry", "<u4"),  # index into GEOMETRY; instances share it
+        ("instance", "<i4"),  # index into INSTANCE, -1: the mesh lies in model space already
+        ("triangles", "<u4"),
+        ("error", "<f4"),  # two-sided Hausdorff bound to the model's surface, rounded up, quantisation included
+        ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
+        ("hi", "<f4", (3,)),
+        ("cone_axis", "<f4", (3,)),  # unit axis of a cone that holds every triangle's normal
+        ("cone_angle", "<f4"),  # its half angle in radians, rounded up; pi where there is no useful cone
+        ("one_sided", "?"),  # may be culled where only its back can be seen
+    ]
+)
+
+#: A view cell with what was found for it.
+CELL = np.dtype(
+    [
+        ("key", "<u8"),  # location code in the octree: see storage.octree
+        ("depth", "<u4"),
+        ("lo", "<f8", (3,)),
+        ("hi", "<f8", (3,)),
+        ("computed", "?"),
+        ("limited", "?"),  # the cell stayed above --triangles-per-cell at the depth limit
+        ("pixel_error", "<f4"),  # allowed error of the cell's cut in pixels
+        ("cut_drawables", "<u4"),
+        ("cut_triangles", "<u8"),
+        ("drawables", "<u4"),  # drawables reported as visible: the size of the cell's vLOD
+        ("triangles", "<u8"),  # triangles reported as visible
+        ("proven_drawables", "<u4"),  # of these, proven visible by sampling from the cell
+        ("proven_triangles", "<u8"),
+    ]
+)
+
+#: How a cell's vLOD is reached inside its shard: whole, or as a change from another cell's.
+CELL_LINK = np.dtype(
+    [
+        ("parent", "<i4"),  # index inside the shard of the cell that it is a change from; -1: it is stored whole
+        ("frame", "<u4"),  # frame that holds the whole set, or the change
+        ("slot", "<u4"),  # which of the frame's changes it is; 0 for a whole set
+    ]
+)
+
+#: A face between two cells, first < second, kept in the first one's shard.
+BOUNDARY = np.dtype(
+    [
+        ("first", "<u4"),  # index of a cell inside the shard
+        ("second", "<u4"),  # index of a cell in the store
+        ("frame", "<u4"),  # frame that holds the change from first to second
+        ("slot", "<u4"),  # which of the frame's changes it is
+    ]
+)
+
+#: Grid coordinates stay within +-GRID_LIMIT, so float32 holds them exactly.
+GRID_LIMIT = 1 << 23
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The model-wide position grid: every position a store gives out is an integer multiple of `step`.
+
+    Abutting meshes meet in exactly equal vertices on it, which is what lets edges be identified by position.
+    """
+
+    step: float  # model units per grid unit, a power of two
+
+    @staticmethod
+    def for_extent(largest: float) -> Grid:
+        """The finest grid that holds coordinates up to ±`largest` model units within ±GRID_LIMIT."""
+        if not np.isfinite(largest) or largest < 0:
+            raise ValueError(f"largest coordinate must be finite and not negative, not {largest}")
+        if largest == 0:
+            return Grid(2.0**-23)
+        _, exponent = np.frexp(np.float64(largest) * 1.001)
+        return Grid(float(2.0 ** (int(exponent) - 23)))
+
+    def snap(self, points: np.ndarray) -> np.ndarray:
+        """Grid coordinates (int32, same shape) of float64 model positions."""
+        return np.rint(np.asarray(points, np.float64) * (1.0 / self.step)).astype(np.int32)
+
+
+def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Model positions (n, 3) float64 of local `points` under a (3, 4) float64 matrix.
+
+    Written out term by term: the same bits on every machine, whatever linear-algebra library numpy uses.
+    """
+    p = np.asarray(points, np.float64)
+    m = np.asarray(matrix, np.float64)
+    x, y, z = p[:, 0], p[:, 1], p[:, 2]
+    return np.stack([((m[i, 0] * x + m[i, 1] * y) + m[i, 2] * z) + m[i, 3] for i in range(3)], axis=1)

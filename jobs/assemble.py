@@ -62,7 +62,9 @@ def _multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (terms[0] + terms[1]) + terms[2]
 
 
-def place_piece(piece: Piece, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> tuple[np.ndarray, np.ndarray]:
+def place_piece(
+    piece: Piece, placements: Sequence[Placement], grid: Grid, first_geometry: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (p,) and drawables (p * levels,) of a piece's placements, in their order.
 
     The drawables' geometry counts up from first_geometry, finest level first; node and first_drawable count from 0.
@@ -107,7 +109,9 @@ def grid_positions(level: Level, scale: float, placement: Placement, grid: Grid)
     return grid.snap(points).astype(np.int64), _determinant(placement.matrix) < 0
 
 
-def join(chunks: Sequence[tuple[np.ndarray, np.ndarray, int]], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def join(
+    chunks: Sequence[tuple[np.ndarray, np.ndarray, int]], lo: np.ndarray, hi: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The whole model's nodes and drawables from those of its chunks.
 
     chunks: nodes, drawables (geometry counted from the chunk's start) and number of meshes of each chunk; lo, hi: the
@@ -122,13 +126,19 @@ def join(chunks: Sequence[tuple[np.ndarray, np.ndarray, int]], lo: np.ndarray, h
         d["geometry"] += first_geometry
         nodes.append(n)
         drawables.append(d)
-        first_node, first_drawable, first_geometry = first_node + len(n), first_drawable + len(d), first_geometry + meshes
+        first_node, first_drawable, first_geometry = (
+            first_node + len(n),
+            first_drawable + len(d),
+            first_geometry + meshes,
+        )
     all_nodes = np.concatenate([np.zeros(0, NODE), *nodes])
     all_drawables = np.concatenate([np.zeros(0, DRAWABLE), *drawables])
     order = _spatial_order(all_nodes, lo, hi)
     levels = all_nodes["levels"][order].astype(np.int64)
     starts = np.concatenate([[0], np.cumsum(levels)])
-    source = np.repeat(all_nodes["first_drawable"][order].astype(np.int64) - starts[:-1], levels) + np.arange(starts[-1])
+    source = np.repeat(all_nodes["first_drawable"][order].astype(np.int64) - starts[:-1], levels) + np.arange(
+        starts[-1]
+    )
     sorted_nodes, sorted_drawables = all_nodes[order], all_drawables[source]
     sorted_nodes["first_drawable"] = starts[:-1]
     sorted_drawables["node"] = np.repeat(np.arange(len(order)), levels)
@@ -169,9 +179,9 @@ def _cone(
         axis = _turn_normal(placement.matrix, axis)
     a, b, c = (positions[level.triangles[:, corner]] for corner in range(3))
     u, v = b - a, c - a
-    normals = np.stack(
-        [u[:, i] * v[:, j] - u[:, j] * v[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1
-    ).astype(np.float64)
+    normals = np.stack([u[:, i] * v[:, j] - u[:, j] * v[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1).astype(
+        np.float64
+    )
     if flipped:
         normals = -normals
     length = _length(normals)

@@ -81,3 +81,8 @@ def _hash(path: Path) -> str:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
     return digest.hexdigest()
+
+
+def total_bytes(inputs: Sequence[Path]) -> int:
+    """Size of all files of a model, in bytes. Raises ModelError for what is missing."""
+    return sum(file.stat().st_size for path in inputs for file in model_files(path))

@@ -142,7 +142,8 @@ def surface_points(lo: np.ndarray, hi: np.ndarray, count: int, rng: np.random.Ge
     points[rows, axis] = np.where(upper, high[axis], low[axis])
     corners = np.array([[high[k] if bit >> k & 1 else low[k] for k in range(3)] for bit in range(8)])
     points[: min(8, count)] = corners[: min(8, count)]
-    return np.clip(points, lo, hi).astype(np.float32)
+    rounded: np.ndarray = np.clip(points, lo, hi).astype(np.float32)
+    return rounded
 
 
 @dataclass(frozen=True)

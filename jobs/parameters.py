@@ -93,7 +93,9 @@ def view_space(
                 f"the region {parameters.region} lies outside the view space, which is "
                 f"{np.round(np.concatenate([lo, hi]) + np.tile(origin, 2), 6).tolist()}: choose a region inside it"
             )
-    return ViewSpace(octree, (float(lo[0]), float(lo[1]), float(lo[2])), (float(hi[0]), float(hi[1]), float(hi[2])), depth)
+    return ViewSpace(
+        octree, (float(lo[0]), float(lo[1]), float(lo[2])), (float(hi[0]), float(hi[1]), float(hi[2])), depth
+    )
 
 
 def _corners(box: Box, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

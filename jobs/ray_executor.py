@@ -190,7 +190,9 @@ class RayExecutor:
             self._owns_ray = True
         if self._address is not None and self._asked_workers is None:
             self.workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
-        self._largest_node = max((node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0)
+        self._largest_node = max(
+            (node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0
+        )
         # Ray's own retries are off: they would be endless where memory runs out. `_collect` decides.
         self._remote = ray.remote(num_cpus=1, max_retries=0)(run_task)
         return self._remote

@@ -151,6 +151,12 @@ def join_tables(place: Workplace, out: Path, payload: Json, places: Json) -> dic
     return {"shards": [section["tables"]], "content": content_key(section), "counts": section["counts"]}
 
 
+def geometry_section_of(place: Workplace, key: str) -> dict[str, Any]:
+    """The manifest's section on geometry, from a tables task."""
+    section: dict[str, Any] = json.loads((place.result(TABLES.name, key) / SECTION).read_text())
+    return section
+
+
 def compute_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
     """A subtree of view cells with what can be seen from each."""
     from jobs.cells import compute_subtree

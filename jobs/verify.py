@@ -142,11 +142,7 @@ def verify(
         report.tell(count, str(problem))
     if report.ok:
         _check_deltas(store, computed, report)
-        chosen = (
-            computed[np.unique(np.linspace(0, len(computed) - 1, min(cells, len(computed))).astype(np.int64))]
-            if len(computed)
-            else computed
-        )
+        chosen = computed[_spread(len(computed), cells)]
         meshes = _Meshes(store)
         for done, cell in enumerate(chosen):
             if progress is not None:
@@ -158,6 +154,11 @@ def verify(
             progress(len(chosen), len(chosen))
     report.seconds = time.perf_counter() - began
     return report
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """Up to `wanted` places from 0 to count - 1, evenly apart."""
+    return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(np.int64))
 
 
 def _check_deltas(store: Store, computed: np.ndarray, report: VerifyReport) -> None:
@@ -200,7 +201,7 @@ def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
     gap = np.maximum(rows["lo"].astype(np.float64) - row["hi"], row["lo"] - rows["hi"].astype(np.float64)).clip(min=0)
     distance = np.sqrt((gap * gap).sum(axis=1))
     error = rows["error"].astype(np.float64)
-    allowed = float(row["pixel_error"]) * float(store.manifest["pixel_angle"]) * np.maximum(distance, 0)
+    allowed = float(row["pixel_error"]) * store.manifest.pixel_angle * np.maximum(distance, 0)
     coarse = (rows["level"] > 0) & (error > allowed * (1 + 1e-6))
     for d in cut[coarse][:MOST_TOLD]:
         report.problems.append(f"cell {cell}: drawable {d} is too coarse for the allowed {row['pixel_error']} pixels")

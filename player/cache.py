@@ -49,6 +49,10 @@ class PackCache:
         self._locked[packs] = True
         self._last_used[packs] = self._clock
 
+    def touch(self, packs: NDArray[np.int64]) -> None:
+        """Marks these packs as used now without locking them."""
+        self._last_used[packs] = self._clock
+
     def keep(self, packs: NDArray[np.int64]) -> None:
         """These packs are never evicted, drawn or not."""
         self._kept[packs] = True

@@ -196,12 +196,12 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
     box = np.empty((2 * m, 6))
     child = np.zeros((2 * m, 2), np.int32)
     todo = np.empty((128, 3), np.int32)  # first, last, the node whose right child this is
-    todo[0] = (0, m, -1)
+    todo[0, 0], todo[0, 1], todo[0, 2] = 0, m, -1
     top = 1
     nodes = 0
     while top > 0:
         top -= 1
-        first, last, above = todo[top]
+        first, last, above = todo[top, 0], todo[top, 1], todo[top, 2]
         node = nodes
         nodes += 1
         if above >= 0:
@@ -217,7 +217,7 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
                     box[node, i] = min(box[node, i], p)
                     box[node, 3 + i] = max(box[node, 3 + i], p)
         if last - first <= LEAF:
-            child[node] = (first, last - first)
+            child[node, 0], child[node, 1] = first, last - first
             continue
         axis = 0
         widest = -1.0
@@ -231,8 +231,8 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
                 axis = i
         middle = (first + last) // 2
         partition_by(centre[axis], order, first, last, middle)
-        todo[top] = (middle, last, node)
-        todo[top + 1] = (first, middle, -1)
+        todo[top, 0], todo[top, 1], todo[top, 2] = middle, last, node
+        todo[top + 1, 0], todo[top + 1, 1], todo[top + 1, 2] = first, middle, -1
         top += 2
     ordered = np.empty((m, 3), np.int32)
     corners = np.empty((m, 9))

@@ -44,4 +44,5 @@ def backs_only(
         least_cosine = np.minimum(least_cosine, (towards * axis).sum(axis=1) / np.where(norm > 0, norm, 1.0))
     visibility_angle = np.arccos(np.clip(least_cosine, -1.0, 1.0))
     between = np.arccos(np.clip((axis * cone_axis).sum(axis=1), -1.0, 1.0))
-    return apart & (between - visibility_angle - cone_angle > 0.5 * np.pi + 1e-6)
+    culled: np.ndarray = apart & (between - visibility_angle - cone_angle > 0.5 * np.pi + 1e-6)
+    return culled

@@ -163,9 +163,8 @@ def strip_extent(polygon: np.ndarray, n: int, v0: float, v1: float) -> tuple[flo
                 vl_cut = v0
             else:
                 vl_cut = vl
-            if vh > v1:
-                if vh > vl_cut:
-                    uh = ul + (uh - ul) * ((v1 - vl_cut) / (vh - vl_cut))
+            if vh > v1 and vh > vl_cut:
+                uh = ul + (uh - ul) * ((v1 - vl_cut) / (vh - vl_cut))
             least = min(least, ul, uh)
             most = max(most, ul, uh)
         ua, va = ub, vb
@@ -200,7 +199,7 @@ def inverse_depth_plane(
 
 @njit(cache=True, nogil=True, inline="always")
 def box_image(u: float, v: float, z: float, alpha: float, half: float) -> tuple[float, float, float, float]:
-    """Bounding rectangle (u0, u1, v0, v1) in pixels of the box (u, v, z) + [-alpha, alpha]^3, all of it at depth > 0."""
+    """Bounding rectangle (u0, u1, v0, v1) in pixels of the box (u, v, z) + [-alpha, alpha]^3 at depths > 0."""
     z0, z1 = z - alpha, z + alpha
     lo, hi = u - alpha, u + alpha
     u0 = lo / z0 if lo < 0 else lo / z1

@@ -124,7 +124,8 @@ class Engine:
                 self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, eye,
                 self.settings.proof_resolution, seen,
             )  # fmt: skip
-        return visible[seen[visible]]
+        proven: np.ndarray = visible[seen[visible]]
+        return proven
 
 
 def depth_bands(count: int, farthest: float) -> np.ndarray:

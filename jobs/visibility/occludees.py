@@ -53,10 +53,10 @@ def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndar
         if not meets:
             continue
         band = bands.shape[0] - 1 if at_all_depths else _band_of(far * (1.0 + 1e-9), bands)
-        near = np.float32(near * DEPTH_DOWN)
+        nearest = np.float32(near * DEPTH_DOWN)
         for j in range(j0, j1 + 1):
             for i in range(i0, i1 + 1):
-                if not depth[face, band, j, i] < near:
+                if not depth[face, band, j, i] < nearest:
                     return False
     return True
 
@@ -167,7 +167,7 @@ def find_visible(
 def _may_touch(q: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether the triangle's box meets the cell, [-1, 1]^3."""
     grow = 1.0 + 1e-9
+    apart = False
     for k in range(3):
-        if min(q[a, k], q[b, k], q[c, k]) > grow or max(q[a, k], q[b, k], q[c, k]) < -grow:
-            return False
-    return True
+        apart |= min(q[a, k], q[b, k], q[c, k]) > grow or max(q[a, k], q[b, k], q[c, k]) < -grow
+    return not apart

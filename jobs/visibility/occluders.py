@@ -333,7 +333,7 @@ def _draw_triangle(
     local: np.ndarray,
     inside: np.ndarray,
 ) -> None:
-    """Mark the pixels whose centres the triangle covers; raise `local` to its largest depth in each pixel it touches."""
+    """Mark the pixels whose centres the triangle covers; raise `local` to its largest depth in all it touches."""
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
         return

@@ -1,0 +1,194 @@
+"""The job's commands: `vlod build`, `vlod verify`, `vlod demo-scene`, `vlod report`.
+
+Thin: each reads its options, calls a function of this package, and prints what it returns. Heavy imports wait until a
+command runs, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+_BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
+
+
+class _Corners(click.Option):
+    """An option of six numbers, shown by their names."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, type=float, nargs=6, metavar=" ".join(_BOX), **kwargs)
+
+
+@click.command(
+    epilog="Example: vlod build ship.glb ship.store --pixel-error 1 --triangles-per-cell 100000", no_args_is_help=True
+)
+@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("store", type=click.Path(path_type=Path))
+@click.option(
+    "--view-box", cls=_Corners, help="Where the viewer may be, in model units. Default: the model's box and 2 %."
+)
+@click.option("--region", cls=_Corners, help="Compute only cells that touch this box. Default: the whole view box.")
+@click.option(
+    "--triangles-per-cell", type=int, default=50_000, show_default=True, help="Split cells that see more triangles."
+)
+@click.option("--max-depth", type=int, default=5, show_default=True, help="Levels of the octree of cells.")
+@click.option(
+    "--cell-size", type=float, metavar="LENGTH", help="Smallest edge of a cell in model units, instead of --max-depth."
+)
+@click.option(
+    "--pixel-error", type=float, default=1.0, show_default=True, help="Allowed error on the screen, in pixels."
+)
+@click.option("--screen-height", type=int, default=1080, show_default=True, help="Of the viewer's screen, in pixels.")
+@click.option(
+    "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
+)
+@click.option("--units", metavar="UNIT", help="Length unit of the input (mm, m, in ...). Default: what the files say.")
+@click.option("--up", type=click.Choice(["x", "y", "z"]), help="Axis that points up. Default: what the files say.")
+@click.option(
+    "--executor",
+    type=click.Choice(["auto", "serial", "ray"]),
+    default="auto",
+    show_default=True,
+    help="Where tasks run. auto: on Ray if a cluster's address is given (--ray-address or RAY_ADDRESS), or if Ray is "
+    "installed, there are two cores or more and the input is larger than 4 MB; else one by one in this process.",
+)
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks at once on Ray. Default: all cores.")
+@click.option("--ray-address", metavar="ADDRESS", help="Join this Ray cluster. Default: start Ray on this machine.")
+@click.option(
+    "--work",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Directory for finished tasks, on the store's file system; may be deleted after the build. Default: STORE/work.",
+)
+@click.option("--report", type=click.Path(path_type=Path, dir_okay=False), help="Write the build report (JSON) here.")
+@click.option("--json", "as_json", is_flag=True, help="Print the build report as JSON.")
+def build(
+    inputs: tuple[Path, ...],
+    store: Path,
+    executor: str,
+    workers: int | None,
+    ray_address: str | None,
+    work: Path | None,
+    report: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Build a STORE from model files or folders (INPUTS).
+
+    Finished tasks are kept: after an interrupt, a crash or a change, the same command goes on where it can.
+    """
+    from jobs.executors import choose_executor
+    from jobs.inputs import total_bytes
+    from jobs.parameters import BuildParameters
+    from jobs.pipeline import build as build_store
+    from jobs.progress import progress_for
+
+    parameters = BuildParameters(**options)
+    chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
+    try:
+        with progress_for() as progress:
+            done = build_store(inputs, store, parameters, chosen, progress, work)
+    finally:
+        chosen.close()
+    if report is not None:
+        _write(report, done.to_text())
+    if as_json:
+        click.echo(done.to_text(), nl=False)
+    else:
+        click.echo(
+            f"{store}: version {done.version}, {done.counts['computed_cells']} cells, {done.counts['drawables']} drawables, "
+            f"{done.bytes['total'] / 1e6:.1f} MB, {done.seconds:.1f} s"
+        )
+
+
+@click.command(epilog="Example: vlod verify ship.store --cells 200 --samples 1000", no_args_is_help=True)
+@click.argument("store")
+@click.option(
+    "--samples", type=click.IntRange(min=0), default=1000, show_default=True, help="Rays for each sampled cell."
+)
+@click.option("--cells", type=click.IntRange(min=0), default=100, show_default=True, help="Cells to sample.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the sampling.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@click.pass_context
+def verify(context: click.Context, store: str, samples: int, cells: int, seed: int, as_json: bool) -> None:
+    """Check a STORE: every byte, every change between cells, and its cells against rays. Exits with 1 if anything fails."""
+    from jobs.progress import progress_for
+    from jobs.verify import verify as verify_store
+
+    with progress_for() as progress:
+        progress.start("verify")
+        report = verify_store(store, samples=samples, cells=cells, seed=seed, progress=progress.update)
+        progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
+    if as_json:
+        click.echo(json.dumps(report.to_json(), indent=1))
+    else:
+        _print_verification(report.to_json())
+    if not report.ok:
+        context.exit(1)
+
+
+@click.command(
+    "demo-scene", epilog="Example: vlod demo-scene plant plant.glb --triangles 1000000", no_args_is_help=True
+)
+@click.argument("kind", type=click.Choice(["plant", "city", "offices"]))
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--triangles", type=int, default=300_000, show_default=True, help="Size of the scene, instances counted.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Another seed, another scene.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
+def demo_scene(kind: str, out: Path, triangles: int, seed: int, as_json: bool) -> None:
+    """Generate a model of a given KIND and size, as binary glTF (OUT, a .glb)."""
+    from jobs.progress import progress_for
+    from jobs.scenes import write_scene
+
+    with progress_for() as progress:
+        progress.start(kind)
+        scene = write_scene(kind, out, triangles, seed, progress.update)
+        progress.finish(f"{scene.triangles:,} triangles")
+    if as_json:
+        numbers = ("triangles", "unique_triangles", "nodes", "meshes", "bytes")
+        content = {"kind": kind, "seed": seed, **{name: int(getattr(scene, name)) for name in numbers}}
+        click.echo(json.dumps(content, indent=1))
+    else:
+        click.echo(f"{out}: {scene.triangles:,} triangles, {scene.bytes / 1e6:.1f} MB")
+
+
+@click.command(epilog="Example: vlod report demo", no_args_is_help=True)
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+def report(folder: Path) -> None:
+    """Make one page, report.html, of the reports and frames in FOLDER (as deploy/demo.sh leaves them), and a short film.
+
+    Reads build.json, verify.json, play.json, further play-*.json for comparison, and frames/.
+    """
+    from jobs.page import write_page
+
+    page = write_page(folder)
+    click.echo(f"{page}: {page.stat().st_size / 1e6:.1f} MB")
+
+
+def _print_verification(report: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=report["store"], show_header=False)
+    table.add_row("cells", f"{report['cells']:,}")
+    table.add_row("boundaries checked", f"{report['boundaries']:,}")
+    table.add_row("cells sampled", f"{report['sampled_cells']:,}")
+    table.add_row("rays", f"{report['rays']:,}")
+    table.add_row("missed drawables", f"{report['missed']:,}")
+    for unit, value in report["tightness"].items():
+        table.add_row(f"reported / seen {unit}", "-" if value is None else f"{value:.2f}")
+    table.add_row("seconds", f"{report['seconds']:.1f}")
+    console = Console()
+    console.print(table)
+    for problem in report["problems"]:
+        console.print(f"[red]{problem}[/red]", highlight=False, soft_wrap=True)
+    if report["problems_untold"]:
+        console.print(f"and {report['problems_untold']} more")
+    console.print("sound" if report["ok"] else "NOT sound")
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)

@@ -1,0 +1,168 @@
+"""The job from end to end: model files in, a store out.
+
+    import      model files to parts                                  one task
+    detail      parts to pieces with levels, in geometry shards       one task for each chunk of meshes
+    tables      nodes and drawables of the whole model                one task
+    cells       what can be seen from each view cell                  waves of subtrees of the octree
+    layout      the order of all cells, and which share a face        one task
+    shards      vLODs and the changes across faces, in cell shards    one task for each subtree
+
+and at last the manifest. Until then readers see the former version of the store, or none. Whatever order tasks finish in,
+the results are put together in the order of their keys: the same model and parameters give the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jobs import plan, stages
+from jobs.build_report import BuildReport, StageReport
+from jobs.executors import Executor, Then, no_more
+from jobs.memory import MemoryWatch
+from jobs.parameters import BuildParameters, view_space
+from jobs.progress import Progress, Silent
+from jobs.tasks import Stage, Task, TaskResult
+from jobs.workplace import Workplace
+from storage.detail import pixel_angle
+from storage.errors import ParameterError
+from storage.manifest import Manifest, commit
+from storage.octree import ROOT
+from storage.writer import cells_section
+
+
+def build(
+    inputs: Sequence[Path],
+    store: Path,
+    parameters: BuildParameters,
+    executor: Executor,
+    progress: Progress | None = None,
+    work: Path | None = None,
+) -> BuildReport:
+    """Builds a store, or its next version, from model files.
+
+    inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default.
+    May be interrupted or killed at any moment; the same call again goes on where it was. Raises ModelError,
+    ParameterError, JobError, and OSError where files cannot be written.
+    """
+    began = time.perf_counter()
+    angle = pixel_angle(parameters.screen_height, parameters.field_of_view)
+    place = Workplace((work or store / "work").absolute(), store.absolute())
+    place.store.mkdir(parents=True, exist_ok=True)
+    with place.locked(), MemoryWatch() as watch:
+        place.clean()
+        run = _Run(place, executor, progress or Silent(), watch)
+
+        imported = run.one(plan.import_task(inputs, parameters))
+        model = imported.record["model"]
+        lo, hi, origin = (np.asarray(model[name], np.float64) for name in ("lo", "hi", "origin"))
+        space = view_space(parameters, lo, hi, origin)
+
+        detail = run.all(stages.DETAIL, plan.detail_tasks(place, imported))
+        tables = run.one(plan.tables_task(imported, detail))
+
+        cell_parameters = plan.cell_parameters(parameters, space, angle)
+        triangles = int(tables.record["counts"]["finest_triangles"])
+
+        def cells_below(keys: Iterable[int]) -> Iterator[Task]:
+            return (plan.cells_task(tables, key, cell_parameters, triangles) for key in keys)
+
+        waves = run.all(stages.CELLS, cells_below([ROOT]), lambda result: cells_below(result.record["open_keys"]))
+        cells = sorted(
+            (wave for wave in waves if wave.record["cells"]), key=lambda wave: int(wave.task.payload["root"])
+        )
+        if not cells:
+            raise ParameterError("no view cell lies in the view space: choose a larger --view-box or --region")
+        layout = run.one(plan.layout_task(cells))
+        shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
+
+        names = [str(shard.record["shards"][0][0]) for shard in shards]
+        section = stages.geometry_section_of(place, tables.key)
+        manifest = Manifest(
+            model=model,
+            pixel_angle=angle,
+            parameters=parameters.to_json(),
+            geometry=section,
+            cells=cells_section(place.store, space.octree, names),
+        )
+        version = commit(place.store, manifest)
+    return BuildReport(
+        store=str(store),
+        version=version,
+        model=dict(model),
+        repairs=dict(imported.record["repairs"]),
+        parameters=parameters.to_json(),
+        executor=executor.name,
+        workers=executor.workers,
+        counts=dict(manifest.counts),
+        bytes=_shard_bytes(manifest),
+        seconds=round(time.perf_counter() - began, 3),
+        peak_memory=max(stage.peak_memory for stage in run.reports),
+        stages=tuple(run.reports),
+    )
+
+
+class _Run:
+    """Runs stages one after the other and notes what they took."""
+
+    def __init__(self, place: Workplace, executor: Executor, progress: Progress, watch: MemoryWatch) -> None:
+        self.place = place
+        self.executor = executor
+        self.progress = progress
+        self.watch = watch
+        self.reports: list[StageReport] = []
+
+    def one(self, task: Task) -> TaskResult:
+        """The result of a stage of one task."""
+        return self.all(task.stage, [task])[0]
+
+    def all(self, stage: Stage, tasks: Iterable[Task], then: Then = no_more) -> list[TaskResult]:
+        """The results of a stage's tasks: first those of `tasks` in their order, then those that followed, by key."""
+        given = list(tasks)
+        known = len(given)
+        began = time.perf_counter()
+        self.watch.restart()
+        self.progress.start(stage.name)
+        self.progress.update(0, known)
+
+        def follow(result: TaskResult) -> list[Task]:
+            nonlocal known
+            more = list(then(result))
+            known += len(more)
+            return more
+
+        results: dict[str, TaskResult] = {}
+        with contextlib.closing(self.executor.run(given, self.place, follow)) as finished:
+            for result in finished:
+                results[result.key] = result
+                self.progress.update(len(results), known)
+        report = _stage_report(stage, list(results.values()), time.perf_counter() - began, self.watch.restart())
+        self.reports.append(report)
+        reused = f", {report.reused} finished before" if report.reused else ""
+        self.progress.finish(f"{len(results)} task{'s' if len(results) != 1 else ''}{reused}")
+        ordered = [results.pop(task.key) for task in given]
+        return ordered + [results[key] for key in sorted(results)]
+
+
+def _stage_report(stage: Stage, results: Sequence[TaskResult], seconds: float, peak: int) -> StageReport:
+    return StageReport(
+        name=stage.name,
+        run=sum(not result.reused for result in results),
+        reused=sum(result.reused for result in results),
+        seconds=round(seconds, 3),
+        task_seconds=round(sum(result.seconds for result in results), 3),
+        peak_memory=peak,
+        peak_task_memory=max((result.peak_memory for result in results), default=0),
+        shard_bytes=sum(size for result in results for _, size in result.record.get("shards", ())),
+    )
+
+
+def _shard_bytes(manifest: Manifest) -> dict[str, int]:
+    sizes = {"tables": 0, "geometry": 0, "cells": 0}
+    for purpose, shard in manifest.shards():
+        sizes["cells" if purpose.startswith("cell") else purpose] += shard.bytes
+    return {**sizes, "total": sum(sizes.values())}

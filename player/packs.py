@@ -1,0 +1,125 @@
+"""Packs on their way from the store to the GPU: decoded, made into vertices, uploaded, evicted."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.cache import PackCache
+from player.prefetch import Loader
+from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
+from storage.geometry import Pack
+from storage.store import Store
+
+
+class PreparedPack(NamedTuple):
+    """A pack as the arena takes it."""
+
+    vertices: np.ndarray  # VERTEX (n,)
+    triangles: NDArray[np.uint32]  # (m, 3), counting vertices from the pack's first
+
+
+def octahedral(normals: NDArray[np.float32]) -> NDArray[np.int16]:
+    """Unit normals (n, 3) folded onto an octahedron: (n, 2) int16, -32767 ... 32767. A zero normal becomes +z.
+
+    Based on: Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 3(2), 2014.
+    """
+    length = np.abs(normals).sum(axis=1, keepdims=True)
+    n = normals / np.where(length > 0, length, 1)
+    folded = (1 - np.abs(n[:, [1, 0]])) * np.where(n[:, :2] >= 0, 1, -1)
+    xy = np.where(n[:, 2:] < 0, folded, n[:, :2])
+    return np.rint(xy * 32767).astype(np.int16)
+
+
+def prepare(pack: Pack, rows: np.ndarray, step: float) -> PreparedPack:
+    """Vertices in grid units and pack-wide indices of a decoded pack.
+
+    rows: its GEOMETRY rows in the order of their vertices; step: model units per grid unit. Scales and step are powers
+    of two, so meshes that lie in model space keep their whole-numbered grid coordinates exactly.
+    """
+    vertices = np.zeros(len(pack.positions), VERTEX)
+    scale = np.repeat(rows["scale"] / step, rows["vertices"])
+    vertices["position"] = pack.positions * scale[:, None]
+    vertices["normal"] = octahedral(pack.normals)
+    vertices["colour"] = pack.colours
+    triangles = pack.triangles + np.repeat(rows["vertex_start"], rows["triangles"])[:, None]
+    return PreparedPack(vertices, triangles.astype(np.uint32))
+
+
+class Packs:
+    """Keeps the packs on the GPU that are drawn, and those that may be drawn soon, within a budget."""
+
+    def __init__(self, store: Store, arena: Arena, *, budget: int, threads: int) -> None:
+        """budget: bytes of vertices and indices on the GPU; threads: how many load at a time."""
+        self._store = store
+        self._arena = arena
+        order = np.lexsort((store.geometry["vertex_start"], store.geometry["pack"]))
+        self._rows = store.geometry[order]
+        self._row_starts = np.searchsorted(self._rows["pack"], np.arange(len(store.packs) + 1))
+        self._sizes = store.packs["vertices"].astype(np.int64) * VERTEX.itemsize
+        self._sizes += store.packs["triangles"].astype(np.int64) * 3 * INDEX_BYTES
+        self.cache = PackCache(self._sizes, budget)
+        self._loader: Loader[int, PreparedPack] = Loader(self._load, threads)
+        self._ahead = np.zeros(0, np.int64)
+        self._ahead_changed = False
+
+    def need(self, packs: NDArray[np.int64], *, wait: bool) -> None:
+        """Locks `packs` (unique, most urgent first), uploads what has arrived, and asks for the rest.
+
+        wait: returns only when all of them are on the GPU. Afterwards `cache.resident` says what is there.
+        """
+        self.cache.lock(packs)
+        arrived = self._loader.collect()
+        missing = [int(p) for p in packs[~self.cache.resident[packs]] if int(p) not in arrived]
+        if missing or self._ahead_changed:
+            ahead = self._ahead[~self.cache.resident[self._ahead]].tolist()
+            self._loader.wish([*missing, *(p for p in ahead if p not in arrived)])
+            self._ahead_changed = False
+        if wait and missing:
+            arrived |= self._loader.wait_for(missing)
+        self._upload(arrived)
+
+    def prefetch(self, packs: NDArray[np.int64]) -> None:
+        """Asks for `packs` (unique, most urgent first), as many as the budget has room for beside what is drawn."""
+        fits = np.cumsum(self._sizes[packs]) <= self.cache.room()
+        self._ahead = packs[fits]
+        self.cache.touch(self._ahead)
+        self._ahead_changed = True
+
+    def keep(self, packs: NDArray[np.int64]) -> None:
+        """Loads `packs` before all else and never evicts them."""
+        self.cache.keep(packs)
+        self.prefetch(packs)
+
+    def bytes_of(self, packs: NDArray[np.int64]) -> int:
+        """Bytes that these packs take on the GPU."""
+        return int(self._sizes[packs].sum())
+
+    def settle(self) -> None:
+        """Waits until everything asked for is on the GPU."""
+        ahead = self._ahead[~self.cache.resident[self._ahead]].tolist()
+        self._loader.wish(ahead)
+        self._upload(self._loader.wait_for(ahead))
+        self._ahead_changed = False
+
+    @property
+    def pending(self) -> int:
+        """How many packs are still to come."""
+        return self._loader.pending
+
+    def close(self) -> None:
+        """Stops the loading threads."""
+        self._loader.close()
+
+    def _load(self, number: int) -> PreparedPack:
+        rows = self._rows[self._row_starts[number] : self._row_starts[number + 1]]
+        return prepare(self._store.pack(number), rows, self._store.grid.step)
+
+    def _upload(self, arrived: dict[int, PreparedPack]) -> None:
+        for number in sorted(arrived):  # not in the order of arrival, which no two runs share
+            self.cache.add(number)
+            self._arena.add(number, *arrived[number])
+        for number in self.cache.evict().tolist():
+            self._arena.remove(number)

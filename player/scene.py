@@ -1,0 +1,54 @@
+"""What the strategies know of a store: its tables, with the boxes laid out for fast tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from storage.store import Store
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A store's model as the player sees it."""
+
+    store: Store
+    node_lo: NDArray[np.float32]  # (nodes, 3), model units
+    node_hi: NDArray[np.float32]
+    drawable_lo: NDArray[np.float32]  # (drawables, 3), model units
+    drawable_hi: NDArray[np.float32]
+    node_of: NDArray[np.int64]  # (drawables,)
+    first_drawable: NDArray[np.int64]  # (nodes,)
+    levels: NDArray[np.int64]  # (nodes,)
+    lo: NDArray[np.float64]  # (3,) box of the whole model
+    hi: NDArray[np.float64]
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the model's box, in model units; 1 for a model that is a point."""
+        size = self.hi - self.lo
+        return float(np.sqrt((size * size).sum())) or 1.0
+
+    @property
+    def pixel_error(self) -> float:
+        """The error in pixels that the store was built for."""
+        return float(self.store.manifest.parameters.get("pixel_error", 1.0))
+
+
+def scene_of(store: Store) -> Scene:
+    """The scene of an opened store."""
+    nodes, drawables = store.nodes, store.drawables
+    return Scene(
+        store=store,
+        node_lo=np.ascontiguousarray(nodes["lo"]),
+        node_hi=np.ascontiguousarray(nodes["hi"]),
+        drawable_lo=np.ascontiguousarray(drawables["lo"]),
+        drawable_hi=np.ascontiguousarray(drawables["hi"]),
+        node_of=drawables["node"].astype(np.int64),
+        first_drawable=nodes["first_drawable"].astype(np.int64),
+        levels=nodes["levels"].astype(np.int64),
+        lo=np.asarray(store.manifest.model["lo"], np.float64),
+        hi=np.asarray(store.manifest.model["hi"], np.float64),
+    )

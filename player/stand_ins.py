@@ -1,0 +1,39 @@
+"""Which level to draw of a node whose chosen level has not arrived yet: never a stall, and a hole only at the very start."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.scene import Scene
+
+
+class StandIns(NamedTuple):
+    """What can be drawn now."""
+
+    drawables: NDArray[np.int64]  # sorted ids
+    replaced: int  # nodes drawn at another level than chosen
+    absent: int  # nodes of which nothing has arrived
+
+
+def stand_ins(ids: NDArray[np.int64], scene: Scene, ready: NDArray[np.bool_]) -> StandIns:
+    """For sorted drawable `ids`: themselves where `ready` (drawables,), else the next coarser level of their node that is
+    ready, else the next finer one, else nothing.
+    """
+    there = ready[ids]
+    if there.all():
+        return StandIns(ids, 0, 0)
+    missing = ids[~there]
+    node = scene.node_of[missing]
+    first, last = scene.first_drawable[node], scene.first_drawable[node] + scene.levels[node] - 1
+    found = np.full(len(missing), -1, np.int64)
+    most = int(scene.levels[node].max())
+    for offset in [*range(1, most), *range(-1, -most, -1)]:
+        candidate = missing + offset
+        fits = (found < 0) & (candidate >= first) & (candidate <= last)
+        fits[fits] = ready[candidate[fits]]
+        found[fits] = candidate[fits]
+    usable = found[found >= 0]
+    return StandIns(np.union1d(ids[there], usable), len(usable), len(missing) - len(usable))

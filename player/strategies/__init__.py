@@ -1,0 +1,1 @@
+"""Culling strategies: strategy (what one is), vlod (precomputed), frustum (at run time), none (everything)."""

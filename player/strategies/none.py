@@ -1,0 +1,33 @@
+"""No culling, no levels: everything at full detail. What all other strategies are compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.scene import Scene
+from player.strategies.strategy import Choice
+from player.view import Vector, View
+
+
+class NoCulling:
+    """Draws the finest level of every node, always."""
+
+    name = "none"
+
+    def __init__(self, scene: Scene, *, pixel_error: float) -> None:
+        self.pixel_error = pixel_error  # has no effect here
+        self._scene = scene
+        self._everything = np.sort(scene.first_drawable)
+
+    def choose(self, view: View) -> Choice:
+        """The whole model."""
+        cell = int(self._scene.store.cell_at(view.position[None])[0])
+        return Choice(self._everything, cell, computed=False)
+
+    def ahead(self, view: View, motion: Vector) -> NDArray[np.int64] | None:  # noqa: ARG002
+        """Nothing more: the whole model is drawn already."""
+        return None
+
+    def close(self) -> None:
+        """Nothing runs."""

@@ -1,0 +1,42 @@
+"""What a culling strategy is: it answers which drawables to draw for a view, and which may be needed soon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.view import Vector, View
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The answer for one view."""
+
+    drawables: NDArray[np.int64]  # sorted ids
+    cell: int  # the view cell that holds the eye, -1 where none was computed
+    computed: bool  # the drawables come from the cell's vLOD
+
+
+class Strategy(Protocol):
+    """Which drawables for this view? One file each in this folder; all comparable on one recorded path."""
+
+    name: str
+    pixel_error: float  # allowed error in pixels of the screen that the store was built for; may be changed at any time
+
+    def choose(self, view: View) -> Choice:
+        """The drawables for `view`."""
+        ...
+
+    def ahead(self, view: View, motion: Vector) -> NDArray[np.int64] | None:
+        """Drawables that may be needed soon, the most urgent first; None where nothing has changed since the last call.
+
+        motion: displacement (3,) of the eye since the last frame, in model units.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stops what runs in the background."""
+        ...

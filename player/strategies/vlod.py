@@ -1,0 +1,153 @@
+"""The precomputed strategy: the vLOD of the cell that holds the eye, tested against the frustum.
+
+The list of a cell is made once, when the eye enters it. Outside the computed cells, and until a cell's list has arrived,
+the frustum strategy answers instead: there is always a picture.
+
+Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.prefetch import Loader
+from player.scene import Scene
+from player.strategies.frustum import Frustum
+from player.strategies.strategy import Choice
+from player.view import Vector, View, boxes_in_frustum, normalised
+from storage.deltas import apply
+from storage.detail import choose_levels
+
+Ids = NDArray[np.int64]
+
+#: Cells whose lists are kept at hand.
+_CELLS_KEPT = 512
+
+#: How far ahead along the motion cells are looked up, in edge lengths of the present cell.
+_STEPS_AHEAD = (0.6, 1.2, 1.8, 2.4)
+
+
+class Vlod:
+    """From-region visibility out of the store."""
+
+    name = "vlod"
+
+    def __init__(self, scene: Scene, *, pixel_error: float, wait: bool, threads: int = 2) -> None:
+        """wait: lists of cells are read at once, when they are needed; otherwise on `threads`, and never waited for."""
+        self.pixel_error = pixel_error
+        self._scene = scene
+        self._frustum = Frustum(scene, pixel_error=pixel_error)
+        self._sets: dict[int, Ids] = {}
+        self._loader: Loader[int, Ids] | None = None if wait else Loader(self._load, threads)
+        self._wishes: list[int] = []
+        self._cell = -1
+        self._listed: tuple[int, float] | None = None
+        self._list: Ids = np.zeros(0, np.int64)
+        self._ahead_for: tuple[object, ...] | None = None
+
+    def choose(self, view: View) -> Choice:
+        """The part of the cell's vLOD that the frustum touches."""
+        self._collect()
+        cell = int(self._scene.store.cell_at(view.position[None])[0])
+        self._enter(cell)
+        ids = self._cell_list(cell) if cell >= 0 else None
+        if ids is None:
+            self._frustum.pixel_error = self.pixel_error
+            return Choice(self._frustum.choose(view).drawables, cell, computed=False)
+        inside = boxes_in_frustum(view, self._scene.drawable_lo[ids], self._scene.drawable_hi[ids])
+        return Choice(ids[inside], cell, computed=True)
+
+    def ahead(self, view: View, motion: Vector) -> Ids | None:
+        """The rest of the cell's list, then what the cells ahead add to it, then what the other neighbours add."""
+        if self._cell < 0:
+            return self._frustum.ahead(view, motion)
+        cells = self._cells_ahead(view, motion)
+        if self._loader is None:
+            for cell in cells:
+                self._set_of(cell)
+        else:
+            self._wishes = [cell for cell in cells if cell not in self._sets]
+            self._loader.wish(self._wishes)
+        known = tuple(cell for cell in cells if cell in self._sets)
+        state = (self._cell, known, self.pixel_error)
+        if state == self._ahead_for:
+            return None
+        self._ahead_for = state
+        lists = [self._at_detail(cell, self._sets[cell]) for cell in (self._cell, *known) if cell in self._sets]
+        if not lists:
+            return None
+        joined = np.concatenate(lists)
+        _, first = np.unique(joined, return_index=True)
+        return joined[np.sort(first)]
+
+    def close(self) -> None:
+        """Stops the loading threads."""
+        if self._loader is not None:
+            self._loader.close()
+
+    def _enter(self, cell: int) -> None:
+        if cell != self._cell:
+            self._cell = cell
+            if self._loader is not None and cell >= 0 and cell not in self._sets:
+                self._loader.wish([cell, *self._wishes])
+
+    def _cell_list(self, cell: int) -> Ids | None:
+        """The cell's list at the allowed error; None while it has not arrived."""
+        if self._listed != (cell, self.pixel_error):
+            ids = self._set_of(cell) if self._loader is None else self._sets.get(cell)
+            if ids is None:
+                return None
+            self._list = self._at_detail(cell, ids)
+            self._listed = (cell, self.pixel_error)
+        return self._list
+
+    def _at_detail(self, cell: int, ids: Ids) -> Ids:
+        """The cell's list, with the levels chosen anew where another error is allowed than the store was built for."""
+        store = self._scene.store
+        row = store.cells[cell]
+        if self.pixel_error == float(row["pixel_error"]):
+            return ids
+        nodes = store.nodes[self._scene.node_of[ids]]
+        angle = store.manifest.pixel_angle
+        return choose_levels(nodes, store.drawables, row["lo"], row["hi"], angle, self.pixel_error)
+
+    def _set_of(self, cell: int) -> Ids:
+        if cell not in self._sets:
+            self._remember(cell, self._load(cell))
+        return self._sets[cell]
+
+    def _load(self, cell: int) -> Ids:
+        """The cell's vLOD: by the delta from the present cell where they are neighbours, else from its shard."""
+        store, here = self._scene.store, self._cell
+        known = self._sets.get(here)
+        if known is not None and here != cell and cell in store.neighbours(here):
+            return apply(known.astype(np.uint32), store.delta(here, cell)).astype(np.int64)
+        return store.vlod(cell)
+
+    def _collect(self) -> None:
+        if self._loader is not None:
+            for cell, ids in self._loader.collect().items():
+                self._remember(cell, ids)
+
+    def _remember(self, cell: int, ids: Ids) -> None:
+        self._sets[cell] = ids
+        while len(self._sets) > _CELLS_KEPT:
+            oldest = next(iter(self._sets))
+            del self._sets[oldest]
+
+    def _cells_ahead(self, view: View, motion: Vector) -> list[int]:
+        """Computed cells that may be entered next, the likeliest first."""
+        store = self._scene.store
+        direction = normalised(motion)
+        if not direction.any():
+            direction = view.forward
+        row = store.cells[self._cell]
+        edge = float((row["hi"] - row["lo"]).max())
+        on_the_way = store.cell_at(view.position + direction * edge * np.array(_STEPS_AHEAD)[:, None])
+        around = store.neighbours(self._cell)
+        centres = (store.cells["lo"][around] + store.cells["hi"][around]) / 2
+        cosine = normalised(centres - view.position) @ direction
+        order = np.lexsort((around, -np.round(cosine, 1)))  # rounded: the order does not change with every small turn
+        ahead = [int(c) for c in on_the_way if c >= 0] + around[order].tolist()
+        return [cell for cell in dict.fromkeys(ahead) if cell != self._cell]

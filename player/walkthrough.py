@@ -1,0 +1,167 @@
+"""One frame after the other: choose, load, draw, count. Shared by the window and by rendering without one."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+import moderngl
+import numpy as np
+
+from player.packs import Packs
+from player.renderer.context import Abilities
+from player.renderer.draw_list import draw_tables
+from player.renderer.renderer import Renderer, Style
+from player.renderer.target import Target
+from player.scene import Scene
+from player.stand_ins import stand_ins
+from player.strategies.frustum import Frustum
+from player.strategies.none import NoCulling
+from player.strategies.strategy import Strategy
+from player.strategies.vlod import Vlod
+from player.view import View
+
+StrategyName = Literal["vlod", "frustum", "none"]
+
+STRATEGIES: tuple[StrategyName, ...] = ("vlod", "frustum", "none")
+
+#: The part of the cache that the coarsest levels of all nodes may take, so that there is always something to draw.
+_BASE_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to walk through a store."""
+
+    strategy: StrategyName = "vlod"
+    pixel_error: float | None = None  # in pixels of the screen that the store was built for; None: as it was built
+    cache_bytes: int = 1 << 30  # budget of vertices and indices on the GPU
+    threads: int = 4  # that load geometry
+    wait: bool = True  # frames wait for their geometry; otherwise other levels stand in until it has arrived
+    prefetch: bool = True
+    fog: float = 0.0  # fading into the distance, per model unit
+    sky: bool = True
+
+
+@dataclass(frozen=True)
+class FrameStatistics:
+    """What one frame took."""
+
+    strategy: str
+    cell: int  # the view cell that holds the eye, -1 outside the computed ones
+    computed: bool  # drawn from the cell's vLOD; False: by culling at run time, or everything
+    drawables: int
+    triangles: int
+    draw_calls: int
+    replaced: int  # nodes drawn at another level than chosen, because that had not arrived
+    absent: int  # nodes not drawn, because nothing of them had arrived
+    bytes_fetched: int  # from the store since it was opened
+    cache_bytes: int  # vertices and indices on the GPU
+    strategy_ms: float  # choosing the drawables
+    cpu_ms: float  # choosing, preparing and issuing the draw commands; no waiting
+    wait_ms: float  # for geometry to arrive and to be uploaded
+    frame_ms: float  # from the beginning until the picture is finished
+
+
+class Walkthrough:
+    """A store, a strategy and a renderer at work together in one context."""
+
+    def __init__(self, scene: Scene, context: moderngl.Context, able: Abilities, settings: Settings) -> None:
+        self.scene = scene
+        self.settings = settings
+        self.frozen: View | None = None  # choose the drawables for this view, whatever view is drawn
+        store = scene.store
+        self.renderer = Renderer(
+            context,
+            able,
+            draw_tables(store.drawables, store.geometry, store.instances),
+            len(store.packs),
+            store.instances["matrix"],
+            store.grid.step,
+            Style(up=str(store.manifest.model["up"]), fog=settings.fog, sky=settings.sky),
+        )
+        self.packs = Packs(store, self.renderer.arena, budget=settings.cache_bytes, threads=settings.threads)
+        self._context = context
+        self._pack_of = store.geometry["pack"].astype(np.int64)[store.drawables["geometry"]]
+        self._strategy = self._make_strategy(settings.strategy)
+        self._last_position: np.ndarray | None = None
+        if not settings.wait:
+            self._load_base()
+
+    @property
+    def strategy(self) -> Strategy:
+        """The strategy in use."""
+        return self._strategy
+
+    def use_strategy(self, name: StrategyName) -> None:
+        """Changes the strategy; what is on the GPU stays."""
+        if name != self._strategy.name:
+            self._strategy.close()
+            self._strategy = self._make_strategy(name, self._strategy.pixel_error)
+
+    def frame(self, view: View, target: Target) -> FrameStatistics:
+        """Draws `view` into `target`."""
+        started = time.perf_counter()
+        choice = self._strategy.choose(self.frozen or view)
+        chosen = time.perf_counter()
+        packs, first = np.unique(self._pack_of[choice.drawables], return_index=True)
+        self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
+        loaded = time.perf_counter()
+        ready = self.packs.cache.resident[self._pack_of]
+        drawn = stand_ins(choice.drawables, self.scene, ready)
+        draws = self.renderer.prepare(drawn.drawables)
+        calls = self.renderer.draw(view, draws, target.framebuffer)
+        target.resolve()
+        issued = time.perf_counter()
+        self._context.finish()
+        finished = time.perf_counter()
+        if self.settings.prefetch:
+            self._prefetch(view)
+        return FrameStatistics(
+            strategy=self._strategy.name,
+            cell=choice.cell,
+            computed=choice.computed,
+            drawables=draws.drawables,
+            triangles=draws.triangles,
+            draw_calls=calls,
+            replaced=drawn.replaced,
+            absent=drawn.absent,
+            bytes_fetched=self.scene.store.bytes_fetched,
+            cache_bytes=self.packs.cache.bytes,
+            strategy_ms=1000 * (chosen - started),
+            cpu_ms=1000 * (chosen - started + issued - loaded),
+            wait_ms=1000 * (loaded - chosen),
+            frame_ms=1000 * (finished - started),
+        )
+
+    def close(self) -> None:
+        """Stops the threads and frees the GPU."""
+        self._strategy.close()
+        self.packs.close()
+        self.renderer.release()
+
+    def _make_strategy(self, name: StrategyName, pixel_error: float | None = None) -> Strategy:
+        error = pixel_error or self.settings.pixel_error or self.scene.pixel_error
+        if name == "vlod":
+            return Vlod(self.scene, pixel_error=error, wait=self.settings.wait)
+        if name == "frustum":
+            return Frustum(self.scene, pixel_error=error)
+        return NoCulling(self.scene, pixel_error=error)
+
+    def _prefetch(self, view: View) -> None:
+        last = self._last_position
+        motion = np.zeros(3) if last is None else view.position - last
+        self._last_position = view.position
+        ahead = self._strategy.ahead(view, motion)
+        if ahead is not None:
+            packs, first = np.unique(self._pack_of[ahead], return_index=True)
+            self.packs.prefetch(packs[np.argsort(first)])
+        if self.settings.wait:
+            self.packs.settle()
+
+    def _load_base(self) -> None:
+        coarsest = self.scene.first_drawable + self.scene.levels - 1
+        packs = np.unique(self._pack_of[coarsest])
+        if self.packs.bytes_of(packs) <= _BASE_SHARE * self.settings.cache_bytes:
+            self.packs.keep(packs)

@@ -1,0 +1,178 @@
+"""The engine as a whole: what must be hidden is, what can be seen never is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jobs.oracle import Oracle, examine
+from jobs.visibility.engine import CellVisibility, Engine, EngineSettings, depth_bands
+from jobs.visibility.soup import Soup
+
+from .scenes import Mesh, box, rooms, sheet, soup_of
+
+QUICK = EngineSettings(resolution=64, depth_bands=6, proof_resolution=32)
+
+
+def look(soup: Soup, lo: list[float], hi: list[float], quality: EngineSettings = QUICK) -> CellVisibility:
+    return Engine(soup, quality).visible_from(np.array(lo, float), np.array(hi, float), soup.drawables)
+
+
+def accuse(soup: Soup, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, rays: int, seed: int) -> list[object]:
+    """Drawables that rays from the cell see although they are not reported."""
+    corners = soup.vertices[soup.triangles].astype(np.float32)
+    owner = soup.triangle_drawable.astype(np.int64)
+    oracle = Oracle(corners, owner, soup.one_sided[owner])
+    found = examine(oracle, owner, corners, lo, hi, visible, rays, np.random.default_rng(seed))
+    return list(found.missed)
+
+
+def test_a_wall_hides_what_is_behind_it() -> None:
+    soup = soup_of([sheet((1000, -4000, -4000), (1000, 4000, 4000), 1), box((2000, -100, -100), (2100, 100, 100))])
+    found = look(soup, [-50, -50, -50], [50, 50, 50])
+    assert found.visible.tolist() == [0]
+    assert found.proven.tolist() == [0]
+
+
+@pytest.mark.parametrize("cells", [2, 7, 40])
+def test_a_tessellated_wall_hides_as_well_as_a_whole_one(cells: int) -> None:
+    soup = soup_of([sheet((1000, -4000, -4000), (1000, 4000, 4000), cells), box((2000, -90, -90), (2100, 90, 90))])
+    assert look(soup, [-50, -50, -50], [50, 50, 50]).visible.tolist() == [0]
+
+
+def test_two_drawables_that_share_an_edge_hide_together() -> None:
+    left = sheet((1000, -4000, -4000), (1000, 0, 4000), 4)
+    right = sheet((1000, 0, -4000), (1000, 4000, 4000), 4)
+    soup = soup_of([left, right, box((2000, -90, -90), (2100, 90, 90))])
+    assert look(soup, [-50, -50, -50], [50, 50, 50]).visible.tolist() == [0, 1]
+
+
+def test_a_gap_of_one_grid_unit_hides_nothing_at_the_gap() -> None:
+    left = sheet((1000, -4000, -4000), (1000, 0, 4000), 4)
+    right = sheet((1000, 1, -4000), (1000, 4000, 4000), 4)
+    soup = soup_of([left, right, box((2000, -90, -90), (2100, 90, 90))])
+    assert look(soup, [-50, -50, -50], [50, 50, 50]).visible.tolist() == [0, 1, 2]
+
+
+def test_what_peeps_over_the_wall_from_a_corner_of_the_cell_is_visible() -> None:
+    # from the cell's middle the thing is hidden, from its upper corners it is not
+    wall = sheet((1000, -4000, -4000), (1000, 4000, 100), 4)
+    thing = box((2000, -50, 110), (2100, 50, 130))
+    soup = soup_of([wall, thing])
+    assert look(soup, [-50, -50, -5], [50, 50, 5], EngineSettings()).visible.tolist() == [0]
+    assert look(soup, [-50, -50, -5], [50, 50, 80], EngineSettings()).visible.tolist() == [0, 1]
+
+
+def test_what_touches_the_cell_is_visible() -> None:
+    soup = soup_of([box((40, 40, 40), (60, 60, 60)), box((50, -9, -9), (70, 9, 9)), box((1000, 0, 0), (1010, 9, 9))])
+    assert look(soup, [-50, -50, -50], [50, 50, 50]).visible.tolist() == [0, 1, 2]
+
+
+def test_backs_of_one_sided_drawables_are_culled_and_hide_nothing() -> None:
+    # a sheet whose back is turned to the cell, and a thing behind it
+    positions, triangles = sheet((1000, -4000, -4000), (1000, 4000, 4000), 3)
+    thing = box((2000, -90, -90), (2100, 90, 90))
+    seen = []
+    for wound in (triangles, triangles[:, ::-1]):
+        soup = soup_of([(positions, wound), thing], one_sided=True)
+        seen.append(look(soup, [-50, -50, -50], [50, 50, 50]).visible.tolist())
+    assert sorted(seen) == [[0], [1]]
+
+
+def test_an_empty_cut_and_a_drawable_without_triangles() -> None:
+    empty: Mesh = (np.zeros((0, 3), np.int32), np.zeros((0, 3), np.int64))
+    soup = soup_of([empty, box((100, 0, 0), (110, 10, 10))])
+    assert look(soup, [-5, -5, -5], [5, 5, 5]).visible.tolist() == [1]
+    engine = Engine(soup, QUICK)
+    assert engine.visible_from(np.full(3, -5.0), np.full(3, 5.0), np.zeros(0, np.int64)).visible.tolist() == []
+
+
+def test_only_the_cut_counts() -> None:
+    soup = soup_of([sheet((1000, -4000, -4000), (1000, 4000, 4000), 2), box((2000, -90, -90), (2100, 90, 90))])
+    engine = Engine(soup, QUICK)
+    lo, hi = np.full(3, -50.0), np.full(3, 50.0)
+    assert engine.visible_from(lo, hi, np.array([1])).visible.tolist() == [1]
+    assert engine.visible_from(lo, hi, np.array([0, 1])).visible.tolist() == [0]
+    with pytest.raises(ValueError, match="does not hold"):
+        engine.visible_from(lo, hi, np.array([0, 7]))
+
+
+def test_the_same_cell_twice_gives_the_same_answer() -> None:
+    soup = soup_of(rooms(np.random.default_rng(3), 3))
+    lo, hi = np.array([5000.0, 5000, 1000]), np.array([5500.0, 5500, 1500])
+    engine = Engine(soup, QUICK)
+    first = engine.visible_from(lo, hi, soup.drawables)
+    engine.visible_from(lo + 3000, hi + 3000, soup.drawables)
+    second = engine.visible_from(lo, hi, soup.drawables)
+    assert np.array_equal(first.visible, second.visible)
+    assert np.array_equal(first.proven, second.proven)
+
+
+def test_rooms_hide_other_rooms() -> None:
+    soup = soup_of(rooms(np.random.default_rng(1), 5))
+    lo, hi = np.array([9800.0, 9800, 1400]), np.array([10000.0, 10000, 1600])
+    found = look(soup, list(lo), list(hi), EngineSettings())
+    assert set(found.proven) <= set(found.visible)
+    assert len(found.visible) < 0.6 * len(soup.drawables)
+    assert accuse(soup, lo, hi, found.visible, 30_000, 1) == []
+
+
+def test_depth_bands_increase_and_end_at_infinity() -> None:
+    for count in (1, 2, 6, 12):
+        for farthest in (1.0, 3.0, 1e5):
+            bands = depth_bands(count, farthest)
+            assert len(bands) == count
+            assert np.isinf(bands[-1])
+            assert (np.diff(bands[:-1]) > 0).all()
+            assert (bands >= 1.5).all()
+
+
+@st.composite
+def nasty_scenes(draw: st.DrawFn) -> tuple[list[Mesh], np.ndarray, np.ndarray]:
+    """Few meshes near a cell: slivers, coplanar and coincident faces, cracks, touching corners, huge and tiny ones."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    half = draw(st.sampled_from([[8, 8, 8], [64, 8, 1], [1, 1, 100], [40, 40, 40]]))
+    meshes: list[Mesh] = []
+    for _ in range(draw(st.integers(2, 14))):
+        kind = draw(st.sampled_from(["box", "sheet", "fan", "sliver", "copy", "crack", "soup"]))
+        at = rng.integers(-300, 300, 3)
+        extent = rng.integers(1, draw(st.sampled_from([4, 60, 500])), 3) + 1
+        if kind == "box":
+            meshes.append(box(tuple(at), tuple(at + extent)))
+        elif kind == "sheet":
+            flat = int(rng.integers(0, 3))
+            end = at + extent * 4
+            end[flat] = at[flat]
+            meshes.append(sheet(tuple(at), tuple(end), int(rng.integers(1, 6))))
+        elif kind == "fan":
+            around = rng.integers(-200, 200, (6, 3)) + at
+            points = np.concatenate([[at], around, [at + extent]]).astype(np.int32)
+            meshes.append((points, np.array([[0, 7, i] for i in range(1, 7)])))
+        elif kind == "sliver":
+            points = np.array([at, at + extent * 5, at + extent * 5 + rng.integers(0, 2, 3)], np.int32)
+            meshes.append((points, np.array([[0, 1, 2]])))
+        elif kind == "copy" and meshes:
+            positions, triangles = meshes[-1]
+            meshes.append((positions.copy(), triangles[:, ::-1].copy()))
+        elif kind == "crack" and meshes:
+            positions, triangles = meshes[-1]
+            meshes.append(((positions + rng.integers(-1, 2, 3)).astype(np.int32), triangles))
+        else:
+            points = (rng.integers(-150, 150, (9, 3)) + at).astype(np.int32)
+            meshes.append((points, rng.integers(0, 9, (int(rng.integers(1, 9)), 3))))
+    centre = rng.integers(-60, 60, 3)
+    return meshes, centre - np.array(half, float), centre + np.array(half, float)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(nasty_scenes(), st.booleans(), st.sampled_from([1, 3, 32]))
+def test_no_drawable_is_ever_missed(
+    scene: tuple[list[Mesh], np.ndarray, np.ndarray], one_sided: bool, cluster_size: int
+) -> None:
+    meshes, lo, hi = scene
+    soup = soup_of(meshes, one_sided=one_sided, cluster_size=cluster_size)
+    found = look(soup, list(lo), list(hi))
+    assert accuse(soup, lo, hi, found.visible, 600, 5) == []
+    assert set(found.proven) <= set(found.visible)

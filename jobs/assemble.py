@@ -1,7 +1,7 @@
 """From pieces and their placements to nodes and drawables.
 
-Each placement of a piece becomes one node, each level of it one drawable. Everything that a drawable claims (box, error,
-cone) is worked out from the very positions that a store gives out for it: integers on the model's grid.
+Each placement of a piece becomes one node, each level of it one drawable. Everything that a drawable claims (box,
+error, cone) is worked out from the very positions that a store gives out for it: integers on the model's grid.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from storage.tables import DRAWABLE, NODE, Grid, transform_points
 if TYPE_CHECKING:
     from jobs.detail.pieces import Level, Piece
 
-#: Half angles of cones are rounded up to a multiple of this, in radians: far above what the last bits of arccos differ by.
+#: Half angles of cones are rounded up to a multiple of this, in radians: far above what differing arccos differ by.
 ANGLE_STEP = 2.0**-12
 
 

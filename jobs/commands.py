@@ -19,7 +19,7 @@ class _Corners(click.Option):
     """An option of six numbers, shown by their names."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, type=float, nargs=6, metavar=" ".join(_BOX), **kwargs)
+        super().__init__(*args, **{"type": float, "nargs": 6, "metavar": " ".join(_BOX), **kwargs})
 
 
 @click.command(
@@ -60,7 +60,7 @@ class _Corners(click.Option):
 @click.option(
     "--work",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Directory for finished tasks, on the store's file system; may be deleted after the build. Default: STORE/work.",
+    help="Directory for finished tasks, on the store's disk; needless after the build. Default: STORE/work.",
 )
 @click.option("--report", type=click.Path(path_type=Path, dir_okay=False), help="Write the build report (JSON) here.")
 @click.option("--json", "as_json", is_flag=True, help="Print the build report as JSON.")
@@ -98,8 +98,8 @@ def build(
         click.echo(done.to_text(), nl=False)
     else:
         click.echo(
-            f"{store}: version {done.version}, {done.counts['computed_cells']} cells, {done.counts['drawables']} drawables, "
-            f"{done.bytes['total'] / 1e6:.1f} MB, {done.seconds:.1f} s"
+            f"{store}: version {done.version}, {done.counts['computed_cells']} cells, "
+            f"{done.counts['drawables']} drawables, {done.bytes['total'] / 1e6:.1f} MB, {done.seconds:.1f} s"
         )
 
 
@@ -113,7 +113,7 @@ def build(
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def verify(context: click.Context, store: str, samples: int, cells: int, seed: int, as_json: bool) -> None:
-    """Check a STORE: every byte, every change between cells, and its cells against rays. Exits with 1 if anything fails."""
+    """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.progress import progress_for
     from jobs.verify import verify as verify_store
 
@@ -157,7 +157,7 @@ def demo_scene(kind: str, out: Path, triangles: int, seed: int, as_json: bool) -
 @click.command(epilog="Example: vlod report demo", no_args_is_help=True)
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 def report(folder: Path) -> None:
-    """Make one page, report.html, of the reports and frames in FOLDER (as deploy/demo.sh leaves them), and a short film.
+    """Make one page, report.html, and a short film of the reports and frames in FOLDER (see deploy/demo.sh).
 
     Reads build.json, verify.json, play.json, further play-*.json for comparison, and frames/.
     """

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
 from jobs.tasks import Task, TaskResult, find_finished, run_task
@@ -33,7 +33,7 @@ class Executor(Protocol):
     name: str
     workers: int  # tasks at once
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Iterator[TaskResult]:
+    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
         """Runs tasks, and those that `then` names for each result, and yields the results in order of completion.
 
         `tasks` is read only as far ahead as the workers need. Errors of tasks are raised as they are; JobError is
@@ -70,7 +70,7 @@ class SerialExecutor:
     name = "serial"
     workers = 1
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Iterator[TaskResult]:
+    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
         """See `Executor.run`."""
         backlog = Backlog(tasks, then)
         while (task := backlog.next()) is not None:
@@ -85,8 +85,9 @@ class SerialExecutor:
 def choose_executor(name: str, workers: int | None, ray_address: str | None, input_bytes: int) -> Executor:
     """The executor that a user asked for: "serial", "ray", or "auto".
 
-    "auto" is Ray if a cluster's address is given (or stands in RAY_ADDRESS), or if Ray is installed, there are two cores
-    or more and the input is larger than AUTO_RAY_BYTES: starting Ray takes seconds, which a small model never earns back.
+    "auto" is Ray if a cluster's address is given (or stands in RAY_ADDRESS), or if Ray is installed, there are two
+    cores or more and the input is larger than AUTO_RAY_BYTES: starting Ray takes seconds that a small model never earns
+    back.
     workers: tasks at once; None for all cores. Raises ParameterError for what does not fit together, and
     MissingDependencyError if Ray is asked for and not installed.
     """

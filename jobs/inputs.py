@@ -23,8 +23,8 @@ _IMAGE = re.compile(rb"<init_from>\s*(?:<ref>)?\s*([^<]+?)\s*<")
 def content_of(inputs: Sequence[Path]) -> list[list[str]]:
     """Name and hash of every file of a model, in a fixed order: what an import's key is made of.
 
-    Names count from the inputs, so a model that is moved as a whole keeps its key. Raises ModelError for a file or folder
-    that is missing or cannot be read.
+    Names count from the inputs, so a model that is moved as a whole keeps its key. Raises ModelError for a file or
+    folder that is missing or cannot be read.
     """
     entries = []
     for number, path in enumerate(inputs):

@@ -7,8 +7,8 @@
     layout      the order of all cells, and which share a face        one task
     shards      vLODs and the changes across faces, in cell shards    one task for each subtree
 
-and at last the manifest. Until then readers see the former version of the store, or none. Whatever order tasks finish in,
-the results are put together in the order of their keys: the same model and parameters give the same bytes.
+and at last the manifest. Until then readers see the former version of the store, or none. Whatever order tasks finish
+in, the results are put together in the order of their keys: the same model and parameters give the same bytes.
 """
 
 from __future__ import annotations

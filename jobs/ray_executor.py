@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +62,7 @@ class RayExecutor:
         self._owns_ray = False
         self._largest_node = 0.0
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Iterator[TaskResult]:
+    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
         """See `Executor.run`."""
         backlog = Backlog(tasks, then)
         running: dict[Any, _Attempt] = {}
@@ -98,7 +98,9 @@ class RayExecutor:
 
     def _window(self) -> int:
         """Tasks handed to Ray at once: a few more than can run, so that no worker waits for the driver."""
-        return self.workers if self._asked_workers else self.workers + max(2, self.workers // 4)
+        if self._address is not None and self._asked_workers is not None:
+            return self.workers
+        return self.workers + max(2, self.workers // 4)
 
     def _submit(self, attempt: _Attempt, place: Workplace) -> Any:
         remote = self._connect()
@@ -133,7 +135,7 @@ class RayExecutor:
                 ) from None
             return None
         except exceptions.RayTaskError as error:
-            raise error.cause from None
+            raise error.cause from error
         except (
             exceptions.WorkerCrashedError,
             exceptions.NodeDiedError,

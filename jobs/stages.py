@@ -1,7 +1,7 @@
 """The work of each kind of task. These functions run in worker processes; heavy modules are imported inside.
 
-Each is a `jobs.tasks.Work`: it gets the workplace, a fresh directory to write into, what decides the result (payload)
-and where its inputs lie (places), and returns a small record.
+Each is a `jobs.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's shards, and
+returns a small record.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.tasks import Json, Stage, content_key
+from jobs.tasks import Assignment, Json, Stage, content_key
 from jobs.workplace import Workplace
 
 if TYPE_CHECKING:
@@ -58,13 +58,13 @@ SHARDS = Stage(
 )
 
 
-def import_files(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+def import_files(work: Assignment) -> dict[str, Any]:
     """Model files to parts."""
     from jobs.importing.model import ImportOptions, import_model, open_model
 
-    options = ImportOptions(**payload["options"])
-    import_model([Path(path) for path in places["inputs"]], out / "model", options)
-    model = open_model(out / "model")
+    options = ImportOptions(**work.payload["options"])
+    import_model([Path(path) for path in work.places["inputs"]], work.out / "model", options)
+    model = open_model(work.out / "model")
     return {
         "model": {
             "digest": model.digest,
@@ -86,14 +86,14 @@ def imported_model(place: Workplace, key: str) -> Model:
     return open_model(place.result(IMPORT.name, key) / "model")
 
 
-def make_detail(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
-    """Some meshes' pieces with their levels to a geometry shard, and the nodes and drawables of all their placements."""
+def make_detail(work: Assignment) -> dict[str, Any]:
+    """Some meshes' levels to a geometry shard, and the nodes and drawables of all their placements."""
     from jobs.assemble import Placement, join, largest_stretch, place_piece
     from jobs.detail.pieces import DetailOptions, build_pieces
     from storage.writer import write_geometry_shard
 
-    model = imported_model(place, places["import"])
-    meshes = payload["meshes"]
+    model = imported_model(work.place, work.places["import"])
+    meshes = work.payload["meshes"]
     parts = np.flatnonzero(np.isin(model.parts["mesh"], meshes))
     instances = np.cumsum(~model.parts["identity"]) - 1
     stretch = largest_stretch(model.parts["matrix"][parts])
@@ -106,32 +106,32 @@ def make_detail(place: Workplace, out: Path, payload: Json, places: Json) -> dic
     tables: list[tuple[np.ndarray, np.ndarray, int]] = []
 
     def stored() -> Any:
-        for piece in build_pieces(model, meshes, DetailOptions(**payload["options"])):
+        for piece in build_pieces(model, meshes, DetailOptions(**work.payload["options"])):
             tables.append((*place_piece(piece, placements[piece.mesh], model.grid, 0), len(piece.levels)))
             yield [
                 (level.positions, level.triangles, level.normals, level.colours, level.source_faces, piece.scale)
                 for level in piece.levels
             ]
 
-    shard = write_geometry_shard(place.store, stored())
+    shard = write_geometry_shard(work.place.store, stored())
     nodes, drawables = join(tables, model.lo, model.hi)
-    np.save(out / "nodes.npy", nodes)
-    np.save(out / "drawables.npy", drawables)
-    np.save(out / "geometry.npy", shard.geometry)
-    np.save(out / "packs.npy", shard.packs)
+    np.save(work.out / "nodes.npy", nodes)
+    np.save(work.out / "drawables.npy", drawables)
+    np.save(work.out / "geometry.npy", shard.geometry)
+    np.save(work.out / "packs.npy", shard.packs)
     return {"shards": [[shard.name, shard.bytes]], "content": _content(nodes, drawables, shard.geometry, shard.packs)}
 
 
-def join_tables(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all detail tasks to the model's tables and the manifest's section on geometry."""
     from jobs.assemble import join
     from storage.tables import INSTANCE, PART
     from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
-    model = imported_model(place, places["import"])
+    model = imported_model(work.place, work.places["import"])
     records, chunks = [], []
-    for key, (name, size) in zip(places["detail"], payload["shards"], strict=True):
-        folder = place.result(DETAIL.name, key)
+    for key, (name, size) in zip(work.places["detail"], work.payload["shards"], strict=True):
+        folder = work.place.result(DETAIL.name, key)
         geometry = np.load(folder / "geometry.npy")
         records.append(GeometryShardRecord(name, size, geometry, np.load(folder / "packs.npy")))
         chunks.append((np.load(folder / "nodes.npy"), np.load(folder / "drawables.npy"), len(geometry)))
@@ -145,9 +145,9 @@ def join_tables(place: Workplace, out: Path, payload: Json, places: Json) -> dic
     instances = np.zeros(len(placed), INSTANCE)
     instances["matrix"] = placed
     names = [model.names[name] for name in model.parts["name"].tolist()]
-    tables = write_tables_shard(place.store, parts, names, instances, geometry, packs, nodes, drawables)
-    section = geometry_section(place.store, model.grid.step, tables, shards)
-    (out / SECTION).write_text(json.dumps(section, sort_keys=True))
+    tables = write_tables_shard(work.place.store, parts, names, instances, geometry, packs, nodes, drawables)
+    section = geometry_section(work.place.store, model.grid.step, tables, shards)
+    (work.out / SECTION).write_text(json.dumps(section, sort_keys=True))
     return {"shards": [section["tables"]], "content": content_key(section), "counts": section["counts"]}
 
 
@@ -157,15 +157,15 @@ def geometry_section_of(place: Workplace, key: str) -> dict[str, Any]:
     return section
 
 
-def compute_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+def compute_cells(work: Assignment) -> dict[str, Any]:
     """A subtree of view cells with what can be seen from each."""
     from jobs.cells import compute_subtree
 
-    store = _geometry(place.store, place.result(TABLES.name, places["tables"]) / SECTION)
-    result = compute_subtree(store, payload["root"], cell_parameters(payload["parameters"]))
-    np.save(out / "cells.npy", result.cells)
-    np.save(out / "offsets.npy", result.offsets)
-    np.save(out / "ids.npy", result.ids)
+    store = _geometry(work.place.store, work.place.result(TABLES.name, work.places["tables"]) / SECTION)
+    result = compute_subtree(store, work.payload["root"], cell_parameters(work.payload["parameters"]))
+    np.save(work.out / "cells.npy", result.cells)
+    np.save(work.out / "offsets.npy", result.offsets)
+    np.save(work.out / "ids.npy", result.ids)
     return {
         "open_keys": [int(key) for key in result.open_keys],
         "cells": len(result.cells),
@@ -173,21 +173,21 @@ def compute_cells(place: Workplace, out: Path, payload: Json, places: Json) -> d
     }
 
 
-def lay_out_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+def lay_out_cells(work: Assignment) -> dict[str, Any]:
     """The order of all cells, and which of them share a face.
 
     Each task's cells become one shard, in the order of the tasks' root keys; they are numbered shard by shard.
     """
     from storage.octree import neighbours
 
-    keys = [np.load(place.result(CELLS.name, key) / "cells.npy")["key"] for key in places["cells"]]
+    keys = [np.load(work.place.result(CELLS.name, key) / "cells.npy")["key"] for key in work.places["cells"]]
     starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
     pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
-    np.save(out / "starts.npy", starts)
-    np.save(out / "pairs.npy", pairs)
+    np.save(work.out / "starts.npy", starts)
+    np.save(work.out / "pairs.npy", pairs)
     shard = np.searchsorted(starts, pairs, side="right") - 1
     needs = [sorted({number, *shard[shard[:, 0] == number, 1].tolist()}) for number in range(len(keys))]
-    (out / NEEDS).write_text(json.dumps(needs))
+    (work.out / NEEDS).write_text(json.dumps(needs))
     return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": _content(starts, pairs)}
 
 
@@ -197,33 +197,33 @@ def shards_needed(place: Workplace, key: str) -> list[list[int]]:
     return needs
 
 
-def write_cells(place: Workplace, out: Path, payload: Json, places: Json) -> dict[str, Any]:
+def write_cells(work: Assignment) -> dict[str, Any]:
     """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
     from storage.writer import write_cell_shard
 
-    layout = place.result(LAYOUT.name, places["layout"])
+    layout = work.place.result(LAYOUT.name, work.places["layout"])
     starts = np.load(layout / "starts.npy")
-    number = payload["shard"]
+    number = work.payload["shard"]
     first, end = int(starts[number]), int(starts[number + 1])
     pairs = np.load(layout / "pairs.npy", mmap_mode="r")
     pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
     sets: dict[int, np.ndarray] = {}
     cells = np.zeros(0)
-    for other, key in zip(payload["needs"], places["cells"], strict=True):
-        folder = place.result(CELLS.name, key)
+    for other, key in zip(work.payload["needs"], work.places["cells"], strict=True):
+        folder = work.place.result(CELLS.name, key)
         offsets, ids = np.load(folder / "offsets.npy"), np.load(folder / "ids.npy", mmap_mode="r")
         for at in range(len(offsets) - 1):
             sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
         if other == number:
             cells = np.load(folder / "cells.npy")
     name = write_cell_shard(
-        place.store,
+        work.place.store,
         cells,
         [sets[cell] for cell in range(first, end)],
         [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
         first=first,
     )
-    return {"shards": [[name, (place.store / "shards" / name).stat().st_size]]}
+    return {"shards": [[name, (work.place.store / "shards" / name).stat().st_size]]}
 
 
 def cell_parameters(payload: Json) -> CellParameters:

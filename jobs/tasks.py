@@ -26,9 +26,20 @@ RECORD = "record.json"
 
 Json = Mapping[str, Any]
 
-#: The work of a task: (workplace, directory to write into, payload, places) -> record. The record is small JSON;
-#: "shards" in it, a list of [name, bytes], are files of the store's shards folder that belong to the result.
-Work = Callable[[Workplace, Path, Json, Json], dict[str, Any]]
+
+@dataclass(frozen=True)
+class Assignment:
+    """What a task's function gets."""
+
+    place: Workplace
+    out: Path  # a fresh directory to write the result into
+    payload: Json  # everything that decides the result
+    places: Json  # where inputs lie
+
+
+#: The work of a task. It returns a record: small JSON; "shards" in it, a list of [name, bytes], are files of the
+#: store's shards folder that belong to the result.
+Work = Callable[[Assignment], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -126,7 +137,7 @@ def run_task(task: Task, place: Workplace) -> TaskResult:
     try:
         reset_peak()
         began = time.perf_counter()
-        record = task.stage.load()(place, temporary, task.payload, task.places)
+        record = task.stage.load()(Assignment(place, temporary, task.payload, task.places))
         seconds = time.perf_counter() - began
         peak = peak_memory()
         saved = {"record": record, "seconds": round(seconds, 6), "peak_memory": peak}

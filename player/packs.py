@@ -62,6 +62,7 @@ class Packs:
         self._sizes += store.packs["triangles"].astype(np.int64) * 3 * INDEX_BYTES
         self.cache = PackCache(self._sizes, budget)
         self._loader: Loader[int, PreparedPack] = Loader(self._load, threads)
+        self._base = np.zeros(0, np.int64)
         self._ahead = np.zeros(0, np.int64)
         self._ahead_changed = False
 
@@ -74,8 +75,7 @@ class Packs:
         arrived = self._loader.collect()
         missing = [int(p) for p in packs[~self.cache.resident[packs]] if int(p) not in arrived]
         if missing or self._ahead_changed:
-            ahead = self._ahead[~self.cache.resident[self._ahead]].tolist()
-            self._loader.wish([*missing, *(p for p in ahead if p not in arrived)])
+            self._loader.wish([*missing, *(p for p in self._later() if p not in arrived)])
             self._ahead_changed = False
         if wait and missing:
             arrived |= self._loader.wait_for(missing)
@@ -89,9 +89,10 @@ class Packs:
         self._ahead_changed = True
 
     def keep(self, packs: NDArray[np.int64]) -> None:
-        """Loads `packs` before all else and never evicts them."""
+        """Loads `packs` before all that is prefetched, and never evicts them."""
         self.cache.keep(packs)
-        self.prefetch(packs)
+        self._base = packs
+        self._ahead_changed = True
 
     def bytes_of(self, packs: NDArray[np.int64]) -> int:
         """Bytes that these packs take on the GPU."""
@@ -99,9 +100,9 @@ class Packs:
 
     def settle(self) -> None:
         """Waits until everything asked for is on the GPU."""
-        ahead = self._ahead[~self.cache.resident[self._ahead]].tolist()
-        self._loader.wish(ahead)
-        self._upload(self._loader.wait_for(ahead))
+        later = self._later()
+        self._loader.wish(later)
+        self._upload(self._loader.wait_for(later))
         self._ahead_changed = False
 
     @property
@@ -112,6 +113,13 @@ class Packs:
     def close(self) -> None:
         """Stops the loading threads."""
         self._loader.close()
+
+    def _later(self) -> list[int]:
+        """Packs that are wanted but not drawn now, and not on the GPU yet."""
+        return [
+            *self._base[~self.cache.resident[self._base]].tolist(),
+            *self._ahead[~self.cache.resident[self._ahead]].tolist(),
+        ]
 
     def _load(self, number: int) -> PreparedPack:
         rows = self._rows[self._row_starts[number] : self._row_starts[number + 1]]

@@ -20,7 +20,7 @@ from player.strategies.frustum import Frustum
 from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
-from player.view import View
+from player.view import Vector, View, looking
 
 StrategyName = Literal["vlod", "frustum", "none"]
 
@@ -59,8 +59,9 @@ class FrameStatistics:
     bytes_fetched: int  # from the store since it was opened
     cache_bytes: int  # vertices and indices on the GPU
     strategy_ms: float  # choosing the drawables
-    cpu_ms: float  # choosing, preparing and issuing the draw commands; no waiting
+    cpu_ms: float  # choosing the drawables and preparing the draw commands
     wait_ms: float  # for geometry to arrive and to be uploaded
+    draw_ms: float  # in OpenGL, from the first command until the picture is finished
     frame_ms: float  # from the beginning until the picture is finished
 
 
@@ -111,9 +112,9 @@ class Walkthrough:
         ready = self.packs.cache.resident[self._pack_of]
         drawn = stand_ins(choice.drawables, self.scene, ready)
         draws = self.renderer.prepare(drawn.drawables)
+        prepared = time.perf_counter()
         calls = self.renderer.draw(view, draws, target.framebuffer)
         target.resolve()
-        issued = time.perf_counter()
         self._context.finish()
         finished = time.perf_counter()
         if self.settings.prefetch:
@@ -130,10 +131,25 @@ class Walkthrough:
             bytes_fetched=self.scene.store.bytes_fetched,
             cache_bytes=self.packs.cache.bytes,
             strategy_ms=1000 * (chosen - started),
-            cpu_ms=1000 * (chosen - started + issued - loaded),
+            cpu_ms=1000 * (chosen - started + prepared - loaded),
             wait_ms=1000 * (loaded - chosen),
+            draw_ms=1000 * (finished - prepared),
             frame_ms=1000 * (finished - started),
         )
+
+    def distance(self, position: Vector, direction: Vector, up: Vector, probe: Target) -> float:
+        """Distance in model units from `position` (3,) to the nearest surface drawn along a unit direction (3,).
+
+        Looks through a lens of 20 degrees at what the strategy would draw; infinite where there is nothing. up: any
+        direction (3,) across it; probe: a small target to draw into.
+        """
+        near = max(1e-5 * self.scene.extent, 2 * self.scene.store.grid.step)
+        width, height = probe.size
+        view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.scene.extent)
+        ids = self._strategy.choose(view).drawables
+        there = ids[self.packs.cache.resident[self._pack_of[ids]]]
+        self.renderer.draw(view, self.renderer.prepare(there), probe.framebuffer)
+        return probe.nearest(view, self.renderer.able.reversed_depth)
 
     def close(self) -> None:
         """Stops the threads and frees the GPU."""

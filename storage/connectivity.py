@@ -50,10 +50,10 @@ def _vertex_code(vertex: int, fresh: int, ring: NDArray[np.int64], at: int) -> i
 @njit(cache=True, nogil=True)
 def encode_triangles(
     triangles: NDArray[np.uint32],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint32]]:
-    """Codes (m,) uint8, more (k,) uint8 and named (j,) uint32 of triangles (m, 3) uint32.
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.int64]]:
+    """Codes (m,) uint8, more (k,) uint8, named (j,) uint32 and turns (m,) int64 of triangles (m, 3) uint32.
 
-    Decoding gives each triangle again, perhaps starting at another of its corners; orientation is kept.
+    Decoding gives each triangle again, but turned so that it starts at its corner number `turns`.
     """
     count = len(triangles)
     codes = np.empty(count, np.uint8)
@@ -61,6 +61,7 @@ def encode_triangles(
     named = np.empty(3 * count, np.uint32)
     mores = 0
     names = 0
+    turns = np.empty(count, np.int64)
     edges = np.full((MEMORY, 3), -1, np.int64)
     edge_at = 0
     ring = np.full(MEMORY, -1, np.int64)
@@ -86,6 +87,7 @@ def encode_triangles(
                 if triangles[t, k] == fresh:
                     first = k
                     break
+        turns[t] = first
         for k in range(3):
             corners[k] = triangles[t, (first + k) % 3]
         code = 0
@@ -114,7 +116,7 @@ def encode_triangles(
             edge_at = _remember_edge(edges, edge_at, b, a, c)
         edge_at = _remember_edge(edges, edge_at, c, b, a)
         edge_at = _remember_edge(edges, edge_at, a, c, b)
-    return codes, more[:mores].copy(), named[:names].copy()
+    return codes, more[:mores].copy(), named[:names].copy(), turns
 
 
 @njit(cache=True, nogil=True)
@@ -200,36 +202,52 @@ def decode_triangles(
 
 
 @njit(cache=True, nogil=True)
-def foretell(values: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np.uint32]:
-    """Zigzagged differences (n, k) uint32 between values (n, k) int32 and what their guides (n, 3) foretell."""
+def foretell(values: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Differences (n, k) int32 between values (n, k) int32 and what their guides (n, 3) foretell, modulo 2**32."""
     count, width = values.shape
-    out = np.empty((count, width), np.uint32)
+    out = np.empty((count, width), np.int32)
     for v in range(count):
         a, b, c = guides[v, 0], guides[v, 1], guides[v, 2]
         for k in range(width):
-            guess = np.int32(0)
+            guess = np.int64(0)
             if b >= 0:
-                guess = np.int32(values[a, k] + values[b, k] - values[c, k])
+                guess = np.int64(values[a, k]) + values[b, k] - values[c, k]
             elif a >= 0:
-                guess = values[a, k]
-            difference = np.int64(np.int32(values[v, k] - guess))
-            out[v, k] = 2 * difference if difference >= 0 else -2 * difference - 1
+                guess = np.int64(values[a, k])
+            out[v, k] = np.int32(values[v, k] - guess)
     return out
 
 
 @njit(cache=True, nogil=True)
-def fulfil(differences: NDArray[np.uint32], guides: NDArray[np.int32]) -> NDArray[np.int32]:
+def fulfil(differences: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np.int32]:
     """The values (n, k) int32 that `foretell` was given."""
     count, width = differences.shape
     out = np.empty((count, width), np.int32)
     for v in range(count):
         a, b, c = guides[v, 0], guides[v, 1], guides[v, 2]
         for k in range(width):
-            guess = np.int32(0)
+            guess = np.int64(0)
             if b >= 0:
-                guess = np.int32(out[a, k] + out[b, k] - out[c, k])
+                guess = np.int64(out[a, k]) + out[b, k] - out[c, k]
             elif a >= 0:
-                guess = out[a, k]
-            zigzag = np.int64(differences[v, k])
-            out[v, k] = np.int32(guess + ((zigzag >> 1) ^ -(zigzag & 1)))
+                guess = np.int64(out[a, k])
+            out[v, k] = np.int32(guess + differences[v, k])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def make_local(names: NDArray[np.uint32], sizes: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Triangles (m, 3) of meshes one after the other, renumbered to count from each mesh's first vertex.
+
+    sizes: (k, 3), for each mesh anything, its vertices, its triangles; they must add up to m triangles.
+    """
+    out = np.empty_like(names)
+    first = 0
+    t = 0
+    for mesh in range(len(sizes)):
+        for _ in range(sizes[mesh, 2]):
+            for k in range(3):
+                out[t, k] = names[t, k] - first
+            t += 1
+        first += sizes[mesh, 1]
     return out

@@ -1,4 +1,10 @@
-"""Packs: several meshes in one compressed frame that decodes in a few calls. (first form)"""
+"""Packs: several meshes in one compressed frame.
+
+A mesh is first brought into the order that compresses best (`ordered`); a pack of such meshes gives back the very same
+arrays. Stored are, in one zstd frame: the triangles between positions (storage.connectivity), which of a position's vertices
+each corner uses (storage.wedges), positions as differences from what the triangles foretell, normals as differences from
+what the shape foretells (storage.normals), and colours as differences from the vertex before. FORMAT.md has the layout.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +15,18 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from storage.connectivity import decode_triangles, encode_triangles, foretell, fulfil, make_local
 from storage.errors import CorruptStoreError
+from storage.mesh_order import CACHE, first_use, same_rows, triangle_order
+from storage.normals import foretell_normals, from_octahedral, to_octahedral
+from storage.planes import step_planes, unstep_planes, unzigzag_planes, zigzag_planes
+from storage.wedges import decode_wedges, encode_wedges
 
-LEVEL = 9
+#: zstd level of packs: they are written once and decode as fast as any other.
+LEVEL = 12
+
+#: Numbers (u4) at the head of a pack: meshes, positions, vertices, triangles, codes of triangles: more, named, of wedges.
+_HEAD = 7
 
 
 class MeshArrays(NamedTuple):
@@ -36,48 +51,147 @@ class Pack(NamedTuple):
     @property
     def bytes(self) -> int:
         """Size in memory."""
-        return self.positions.nbytes + self.normals.nbytes + self.colours.nbytes + self.triangles.nbytes
+        return sum(array.nbytes for array in self)
+
+
+def ordered(mesh: MeshArrays) -> MeshArrays:
+    """The same mesh in the order that packs keep.
+
+    Triangles are reordered and turned (orientation and source faces stay with them), vertices are numbered by first use;
+    unused ones are dropped, and those that agree in position, normal and colour become one. Normals are rounded to what a
+    pack holds (within 0.25 degrees). Raises ValueError for arrays that do not fit together.
+    """
+    positions = np.ascontiguousarray(mesh.positions, np.int32).reshape(-1, 3)
+    triangles = np.ascontiguousarray(mesh.triangles, np.uint32).reshape(-1, 3)
+    normals = np.ascontiguousarray(mesh.normals, np.float32).reshape(-1, 3)
+    colours = np.ascontiguousarray(mesh.colours, np.uint8).reshape(-1, 4)
+    if not len(positions) == len(normals) == len(colours):
+        raise ValueError(f"{len(positions)} positions, {len(normals)} normals, {len(colours)} colours")
+    if len(triangles) and int(triangles.max()) >= len(positions):
+        raise ValueError(f"a triangle names vertex {int(triangles.max())} of {len(positions)}")
+    if mesh.source_faces is not None and len(mesh.source_faces) != len(triangles):
+        raise ValueError(f"{len(mesh.source_faces)} source faces for {len(triangles)} triangles")
+
+    folded = to_octahedral(normals)
+    whole = np.concatenate([positions, folded, np.ascontiguousarray(colours).view(np.int32)], axis=1)
+    vertices = same_rows(whole)[0][triangles]
+    places = same_rows(positions)[0][triangles]
+    order = triangle_order(places, len(positions), CACHE)
+    numbered, _ = first_use(places[order], len(positions))
+    turns = encode_triangles(numbered)[3]
+    corners = (turns[:, None] + np.arange(3)) % 3
+    chosen = np.take_along_axis(vertices[order], corners, axis=1)
+    renamed, firsts = first_use(chosen, len(positions))
+    sources = np.take_along_axis(triangles[order], corners, axis=1)
+    picked = np.zeros(len(firsts), np.int64)
+    picked[renamed.ravel()[::-1]] = sources.ravel()[::-1]
+    faces = None if mesh.source_faces is None else np.ascontiguousarray(mesh.source_faces, np.uint32)[order]
+    return MeshArrays(
+        positions[picked], renamed, from_octahedral(folded[picked]), colours[picked], faces, float(mesh.scale)
+    )
 
 
 def pack(meshes: Sequence[MeshArrays]) -> bytes:
-    """The meshes' positions, normals, colours and triangles as one frame."""
-    parts = [
-        np.concatenate([np.asarray(m.positions, np.int32).reshape(-1, 3) for m in meshes]).tobytes(),
-        np.concatenate([np.asarray(m.normals, np.float32).reshape(-1, 3) for m in meshes]).tobytes(),
-        np.concatenate([np.asarray(m.colours, np.uint8).reshape(-1, 4) for m in meshes]).tobytes(),
-        np.concatenate([np.asarray(m.triangles, np.uint32).reshape(-1, 3) for m in meshes]).tobytes(),
-    ]
-    head = np.array([len(p) for p in parts], "<u4").tobytes()
-    return zstandard.ZstdCompressor(LEVEL).compress(head + b"".join(parts))
+    """The meshes' positions, normals, colours and triangles as one frame.
+
+    The meshes must come from `ordered`: raises ValueError where they do not.
+    """
+    sizes = np.zeros((len(meshes), 3), np.uint32)
+    places, corners, vertices = [], [], []
+    place_start = vertex_start = 0
+    for number, mesh in enumerate(meshes):
+        numbers, firsts = same_rows(mesh.positions)
+        places.append(mesh.positions[firsts])
+        corners.append(numbers[mesh.triangles] + np.uint32(place_start))
+        vertices.append(mesh.triangles + np.uint32(vertex_start))
+        sizes[number] = len(firsts), len(mesh.positions), len(mesh.triangles)
+        place_start += len(firsts)
+        vertex_start += len(mesh.positions)
+    positions = _joined(places, np.int32, 3)
+    triangles = _joined(corners, np.uint32, 3)
+    names = _joined(vertices, np.uint32, 3)
+    codes, more, named, turns = encode_triangles(triangles)
+    wedge_codes, wedges, sources = encode_wedges(triangles.ravel(), names.ravel(), len(positions), vertex_start)
+    if turns.any() or not np.array_equal(wedges, names.ravel()) or len(sources) != vertex_start:
+        raise ValueError("meshes must be brought into order (storage.geometry.ordered) before they are packed")
+    _, guides = decode_triangles(codes, more, named, len(positions))
+
+    every = _joined([mesh.positions for mesh in meshes], np.int32, 3)
+    folded = to_octahedral(_joined([mesh.normals for mesh in meshes], np.float32, 3))
+    turned = folded - foretell_normals(every, names)
+    colours = _joined([mesh.colours for mesh in meshes], np.uint8, 4)
+    counts = (len(meshes), len(positions), vertex_start, len(triangles), len(more), len(named), len(wedge_codes))
+    streams = (
+        np.array(counts, "<u4").tobytes(),
+        sizes.tobytes(),
+        codes.tobytes(),
+        more.tobytes(),
+        named.tobytes(),
+        wedge_codes.tobytes(),
+        zigzag_planes(foretell(positions, guides), 4).tobytes(),
+        zigzag_planes(turned, 2).tobytes(),
+        step_planes(colours).tobytes(),
+    )
+    return zstandard.ZstdCompressor(LEVEL).compress(b"".join(streams))
 
 
 def unpack(data: bytes) -> Pack:
     """Decodes a frame made by `pack`. Raises CorruptStoreError if the bytes make no sense."""
     try:
-        content = zstandard.ZstdDecompressor().decompress(data)
-    except zstandard.ZstdError as error:
+        return _unpack(zstandard.ZstdDecompressor().decompress(data))
+    except (ValueError, OverflowError, zstandard.ZstdError) as error:
         raise CorruptStoreError(f"a pack of meshes cannot be decoded: {error}") from error
-    n = np.frombuffer(content[:16], "<u4").tolist()
-    at = np.cumsum([16, *n]).tolist()
-    return Pack(
-        np.frombuffer(content[at[0] : at[1]], np.int32).reshape(-1, 3),
-        np.frombuffer(content[at[1] : at[2]], np.float32).reshape(-1, 3),
-        np.frombuffer(content[at[2] : at[3]], np.uint8).reshape(-1, 4),
-        np.frombuffer(content[at[3] : at[4]], np.uint32).reshape(-1, 3),
-    )
 
 
 def pack_source_faces(meshes: Sequence[MeshArrays]) -> bytes:
-    """The meshes' source faces as one frame; meshes without any count as faces 0."""
-    faces = [
-        np.zeros(len(m.triangles), "<u4") if m.source_faces is None else np.asarray(m.source_faces, "<u4") for m in meshes
-    ]
-    return zstandard.ZstdCompressor(LEVEL).compress(np.concatenate(faces).tobytes())
+    """The meshes' source faces as one frame; those of meshes without any are 0."""
+    faces = [np.zeros(len(m.triangles), np.uint32) if m.source_faces is None else m.source_faces for m in meshes]
+    steps = np.diff(_joined(faces, np.uint32, 1).astype(np.int64), axis=0, prepend=0)
+    return zstandard.ZstdCompressor(LEVEL).compress(zigzag_planes(steps.astype(np.int32), 4).tobytes())
 
 
 def unpack_source_faces(data: bytes) -> NDArray[np.uint32]:
-    """Source faces of all triangles of a pack (m,) uint32, in its order."""
+    """Source faces of all triangles of a pack (m,) uint32, in its order. Raises CorruptStoreError."""
     try:
-        return np.frombuffer(zstandard.ZstdDecompressor().decompress(data), "<u4")
+        content = zstandard.ZstdDecompressor().decompress(data)
+        steps = unzigzag_planes(np.frombuffer(content, np.uint8), 1, 4)
     except (ValueError, zstandard.ZstdError) as error:
         raise CorruptStoreError(f"source faces cannot be decoded: {error}") from error
+    faces = np.cumsum(steps, dtype=np.uint32)
+    faces.flags.writeable = False
+    return faces
+
+
+def _unpack(content: bytes) -> Pack:
+    head = np.frombuffer(content[: 4 * _HEAD], "<u4").tolist()
+    if len(head) < _HEAD:
+        raise ValueError("it is too short")
+    meshes, positions, vertices, triangles, more, named, wedge_codes = head
+    lengths = (12 * meshes, triangles, more, 4 * named, wedge_codes, 12 * positions, 4 * vertices, 4 * vertices)
+    ends = np.cumsum([4 * _HEAD, *lengths]).tolist()
+    if ends[-1] != len(content):
+        raise ValueError(f"it has {len(content)} bytes, not {ends[-1]}")
+    streams = [np.frombuffer(content, np.uint8)[start:end] for start, end in zip(ends[:-1], ends[1:], strict=True)]
+    sizes = np.frombuffer(streams[0].tobytes(), "<u4").reshape(-1, 3)
+    if sizes.sum(axis=0, dtype=np.int64).tolist() != [positions, vertices, triangles]:
+        raise ValueError("its meshes do not add up")
+    names_of_places = np.frombuffer(streams[3].tobytes(), "<u4")
+    corners, guides = decode_triangles(streams[1], streams[2], names_of_places, positions)
+    wedges, places = decode_wedges(corners.ravel(), streams[4], positions, vertices)
+    names = wedges.reshape(-1, 3)
+    every = fulfil(unzigzag_planes(streams[5], 3, 4), guides)[places]
+    turned = unzigzag_planes(streams[6], 2, 2)
+    decoded = Pack(
+        every,
+        from_octahedral(foretell_normals(every, names) + turned),
+        unstep_planes(streams[7], 4),
+        make_local(names, sizes),
+    )
+    for array in decoded:
+        array.flags.writeable = False
+    return decoded
+
+
+def _joined(arrays: Sequence[np.ndarray], dtype: type, width: int) -> np.ndarray:
+    """Arrays (n, width) one after the other; (0, width) for none."""
+    return np.concatenate([np.zeros((0, width), dtype), *(array.reshape(-1, width) for array in arrays)])

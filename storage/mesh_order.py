@@ -95,6 +95,44 @@ def triangle_order(triangles: NDArray[np.uint32], vertices: int, cache: int) -> 
 
 
 @njit(cache=True, nogil=True)
+def same_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+    """Numbers (n,) uint32 of rows (n, k) int32, equal for equal rows, counting up by first occurrence.
+
+    Also gives the first row (j,) int64 with each number.
+    """
+    count, width = rows.shape
+    slots = 16
+    while slots < 2 * count:
+        slots *= 2
+    table = np.full(slots, -1, np.int64)
+    numbers = np.empty(count, np.uint32)
+    firsts = np.empty(count, np.int64)
+    used = 0
+    for i in range(count):
+        mixed = np.uint64(0x9E3779B97F4A7C15)
+        for k in range(width):
+            mixed = (mixed ^ np.uint64(np.uint32(rows[i, k]))) * np.uint64(0xBF58476D1CE4E5B9)
+            mixed ^= mixed >> np.uint64(29)
+        slot = np.int64(mixed & np.uint64(slots - 1))
+        while table[slot] >= 0:
+            other = firsts[table[slot]]
+            equal = True
+            for k in range(width):
+                if rows[i, k] != rows[other, k]:
+                    equal = False
+                    break
+            if equal:
+                break
+            slot = (slot + 1) & (slots - 1)
+        if table[slot] < 0:
+            table[slot] = used
+            firsts[used] = i
+            used += 1
+        numbers[i] = table[slot]
+    return numbers, firsts[:used].copy()
+
+
+@njit(cache=True, nogil=True)
 def first_use(triangles: NDArray[np.uint32], vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Renumbers vertices by first use: the triangles (m, 3) uint32 anew, and the old number (k,) int64 of each vertex.
 

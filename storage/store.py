@@ -292,6 +292,21 @@ class Store(Geometry):
         angle, error = self.manifest.pixel_angle, float(row["pixel_error"])
         return choose_levels(self.nodes, self.drawables, row["lo"], row["hi"], angle, error)
 
+    @property
+    def boundary_count(self) -> int:
+        """How many faces between computed cells there are."""
+        return len(self._neighbours[1]) // 2
+
+    def bytes_by_kind(self) -> dict[Kind, int]:
+        """How many bytes the frames of each kind take on disk. Reads the index of every shard."""
+        sizes: dict[Kind, int] = {}
+        for _, record in self.manifest.shards():
+            index = self._reader(record).index
+            for kind in np.unique(index["kind"]).tolist():
+                size = int(index["bytes"][index["kind"] == kind].sum())
+                sizes[Kind(kind)] = sizes.get(Kind(kind), 0) + size
+        return sizes
+
     def check(self) -> Iterator[Problem]:
         """Reads every byte of the store and yields what is wrong with it: nothing, for a sound store."""
         try:

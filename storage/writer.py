@@ -27,9 +27,8 @@ from storage.codecs import DEFAULT, codec_named
 from storage.columns import pack_names, pack_table, unpack_table
 from storage.deltas import Ids, difference
 from storage.frames import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
-from storage.geometry import MeshArrays, pack, pack_source_faces
+from storage.geometry import MeshArrays, ordered, pack, pack_source_faces
 from storage.manifest import Manifest, commit
-from storage.mesh_order import ordered
 from storage.octree import LeafSet, Octree
 from storage.spanning_tree import spanning_forest
 from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
@@ -48,7 +47,7 @@ __all__ = [
 ]
 
 #: A pack is closed when its meshes' arrays reach this many bytes uncompressed.
-PACK_BYTES = 1 << 16
+PACK_BYTES = 1 << 17
 
 #: A block of deltas is closed when it holds this many ids.
 BLOCK_IDS = 1 << 12
@@ -179,7 +178,7 @@ def write_cell_shard(
     root: Path,
     cells: np.ndarray,
     sets: Sequence[Ids],
-    boundaries: Iterable[tuple[int, int, Ids, Ids]],
+    boundaries: Sequence[tuple[int, int, Ids, Ids]],
     *,
     first: int,
 ) -> str:
@@ -199,25 +198,28 @@ def write_cell_shard(
             raise ValueError(
                 f"cell {first + number}: its set must hold {cell['drawables']} increasing ids, and holds {len(ids)}"
             )
+    for a, b, _, _ in boundaries:
+        if not first <= a < min(b, first + len(rows)):
+            raise ValueError(f"the boundary of cells {a} and {b} does not belong into this shard")
     codec = codec_named(DEFAULT)
     faces = sorted(boundaries, key=lambda face: (face[0], face[1]))
     links = np.zeros(len(rows), CELL_LINK)
     table = np.zeros(len(faces), BOUNDARY)
-    inside = [(a - first, b - first) for a, b, _, _ in faces if first <= b < first + len(rows)]
+    computed = rows["computed"]
+    inside = [(a - first, b - first) for a, b, _, _ in faces if b < first + len(rows)]
+    inside = [(a, b) for a, b in inside if computed[a] and computed[b]]
     parents = spanning_forest(len(rows), np.array(inside, np.int64).reshape(-1, 2))
     links["parent"] = parents
 
     payloads: list[tuple[Kind, bytes]] = []
     lead = 3  # frames before these: the cells, the links, the boundaries
-    for cell in np.flatnonzero((parents < 0) & rows["computed"]).tolist():
+    for cell in np.flatnonzero((parents < 0) & computed).tolist():
         links[cell]["frame"] = lead + len(payloads)
         payloads.append((Kind.KEY_SET, codec.encode([np.asarray(sets[cell], np.uint32)])))
 
     block: list[Ids] = []
     held = 0
     for number, (a, b, set_a, set_b) in enumerate(faces):
-        if not first <= a < first + len(rows) or a >= b:
-            raise ValueError(f"the boundary of cells {a} and {b} does not belong into this shard")
         delta = difference(np.asarray(set_a, np.uint32), np.asarray(set_b, np.uint32))
         table[number] = (a - first, b, lead + len(payloads), len(block) // 2)
         block.extend(delta)

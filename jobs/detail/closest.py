@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from jobs.objects.weld import twins
+
 #: A triangle whose squared sine between two edges is below this is a needle: rounding spoils its inside.
 NEEDLE = 1e-10
 #: Triangles in a leaf of the hierarchy.
@@ -25,7 +27,9 @@ class Surface(NamedTuple):
     points: np.ndarray  # (n, 3) float64
     triangles: np.ndarray  # (m, 3) int32
     source: np.ndarray  # (m,) int32: index of the triangle in the order in which it was given
+    twin: np.ndarray  # (3 m,) int32: the half-edge on the other side of each, negative where there is not just one
     corners: np.ndarray  # (m, 9) float64: first corner, and the edges from it to the second and the third
+    planes: np.ndarray  # (m, 3, 4) float64: per edge, the plane through it at right angles to the triangle: inward, offset
     box: np.ndarray  # (k, 6) float64: lo, hi of each node, the root first
     child: np.ndarray  # (k, 2) int32: the right child (the left one is the next node) and 0; or first triangle, count
 
@@ -185,6 +189,34 @@ def partition_by(key: np.ndarray, order: np.ndarray, first: int, last: int, midd
 
 
 @njit(cache=True, nogil=True)
+def edge_planes(corners: np.ndarray) -> np.ndarray:
+    """Planes (m, 3, 4) through the edges of triangles, corners (m, 9), at right angles to them, facing inward.
+
+    Each is a unit normal and an offset; all zero for a triangle without area.
+    """
+    planes = np.zeros((len(corners), 3, 4))
+    for k in range(len(corners)):
+        abx, aby, abz = corners[k, 3], corners[k, 4], corners[k, 5]
+        acx, acy, acz = corners[k, 6], corners[k, 7], corners[k, 8]
+        nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
+        for edge in range(3):
+            px, py, pz = corners[k, 0], corners[k, 1], corners[k, 2]
+            ex, ey, ez = abx, aby, abz
+            if edge == 1:
+                ex, ey, ez = acx - abx, acy - aby, acz - abz
+                px, py, pz = px + abx, py + aby, pz + abz
+            elif edge == 2:
+                ex, ey, ez = -acx, -acy, -acz
+            ux, uy, uz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
+            length = np.sqrt(ux * ux + uy * uy + uz * uz)
+            if length > 0.0:
+                ux, uy, uz = ux / length, uy / length, uz / length
+                planes[k, edge, 0], planes[k, edge, 1], planes[k, edge, 2] = ux, uy, uz
+                planes[k, edge, 3] = ux * px + uy * py + uz * pz
+    return planes
+
+
+@njit(cache=True, nogil=True)
 def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
     """The hierarchy over triangles (m, 3) int32, m > 0, with vertices points (n, 3) float64: median splits."""
     m = len(triangles)
@@ -245,4 +277,5 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
             corners[s, i] = a
             corners[s, 3 + i] = points[triangles[t, 1], i] - a
             corners[s, 6 + i] = points[triangles[t, 2], i] - a
-    return Surface(points, ordered, order, corners, box[:nodes].copy(), child[:nodes].copy())
+    planes = edge_planes(corners)
+    return Surface(points, ordered, order, twins(ordered), corners, planes, box[:nodes].copy(), child[:nodes].copy())

@@ -23,6 +23,10 @@ from jobs.detail.closest import Surface, closest, distance2
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
 MANY_CORNERS = 12
+#: A polygon is cut along a triangle's edges if its extent squared is below this times the triangle's, else halved.
+LARGE2 = 6.0
+#: Neighbours that are walked to before the closest triangle is looked up.
+MANY_WALKS = 6
 #: Room for a polygon's corners: cuts along three edges add at most one each.
 MAX_CORNERS = 20
 #: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
@@ -50,6 +54,28 @@ def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, n
 
 
 @njit(cache=True, nogil=True)
+def probe(a: Surface, b: Surface) -> float:
+    """The largest distance to `b` found for one corner and the centre of each of the triangles of `a`: a lower bound."""
+    stack = np.empty(128, np.int32)
+    largest2 = 0.0
+    hint = 0
+    for t in range(len(a.triangles)):
+        x, y, z = 0.0, 0.0, 0.0
+        for e in range(4):
+            if e < 3:
+                p = a.triangles[t, e]
+                px, py, pz = a.points[p, 0], a.points[p, 1], a.points[p, 2]
+                x, y, z = x + px / 3.0, y + py / 3.0, z + pz / 3.0
+                if e > 0:
+                    continue
+            else:
+                px, py, pz = x, y, z
+            hint, d2 = closest(b.corners, b.box, b.child, stack, px, py, pz, hint)
+            largest2 = max(largest2, d2)
+    return np.sqrt(largest2)
+
+
+@njit(cache=True, nogil=True)
 def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
     """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
     worst = 0
@@ -64,16 +90,16 @@ def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> t
 
 @njit(cache=True, nogil=True)
 def _cut(
-    polygon: np.ndarray, n: int, plane: tuple[float, float, float, float], inside: np.ndarray, outside: np.ndarray
+    polygon: np.ndarray, n: int, x: float, y: float, z: float, offset: float, inside: np.ndarray, outside: np.ndarray
 ) -> tuple[int, int]:
-    """Part a convex polygon at a plane (unit normal, offset): the corners of the parts on its two sides.
+    """Part a convex polygon at a plane, unit normal (x, y, z): the corners of the parts on its two sides.
 
     Returns the numbers of corners of `inside` (normal . p >= offset) and `outside`; (n, 0) or (0, n), with nothing
     written, where the other part would be thinner than THIN.
     """
     low, high = np.inf, -np.inf
     for i in range(n):
-        f = plane[0] * polygon[i, 0] + plane[1] * polygon[i, 1] + plane[2] * polygon[i, 2] - plane[3]
+        f = x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset
         low = min(low, f)
         high = max(high, f)
     if low >= -THIN:
@@ -84,8 +110,8 @@ def _cut(
     n_out = 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
-        f = plane[0] * polygon[i, 0] + plane[1] * polygon[i, 1] + plane[2] * polygon[i, 2] - plane[3]
-        g = plane[0] * polygon[j, 0] + plane[1] * polygon[j, 1] + plane[2] * polygon[j, 2] - plane[3]
+        f = x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset
+        g = x * polygon[j, 0] + y * polygon[j, 1] + z * polygon[j, 2] - offset
         if f >= 0.0:
             for c in range(3):
                 inside[n_in, c] = polygon[i, c]
@@ -103,28 +129,6 @@ def _cut(
             n_in += 1
             n_out += 1
     return n_in, n_out
-
-
-@njit(cache=True, nogil=True)
-def _edge_plane(corners: np.ndarray, k: int, edge: int) -> tuple[float, float, float, float]:
-    """The plane through an edge of triangle k at right angles to it, facing inward; the zero plane for a needle."""
-    abx, aby, abz = corners[k, 3], corners[k, 4], corners[k, 5]
-    acx, acy, acz = corners[k, 6], corners[k, 7], corners[k, 8]
-    nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
-    px, py, pz = corners[k, 0], corners[k, 1], corners[k, 2]
-    if edge == 0:
-        ex, ey, ez = abx, aby, abz
-    elif edge == 1:
-        ex, ey, ez = acx - abx, acy - aby, acz - abz
-        px, py, pz = px + abx, py + aby, pz + abz
-    else:
-        ex, ey, ez = -acx, -acy, -acz
-    ux, uy, uz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-    length = np.sqrt(ux * ux + uy * uy + uz * uz)
-    if not length > 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    ux, uy, uz = ux / length, uy / length, uz / length
-    return ux, uy, uz, ux * px + uy * py + uz * pz
 
 
 @njit(cache=True, nogil=True)
@@ -151,6 +155,79 @@ def _size2(corners: np.ndarray, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _part_along_edges(
+    surface: Surface,
+    face: int,
+    polygon: np.ndarray,
+    n: int,
+    room: tuple[np.ndarray, np.ndarray],
+    stack: np.ndarray,
+    sizes: np.ndarray,
+    hints: np.ndarray,
+    top: int,
+) -> tuple[int, int, int]:
+    """Cut the polygon's n corners along the edges of triangle `face` and push what lies outside, with the neighbour there.
+
+    Returns the new top of the stack; how many corners of `polygon`, overwritten, are left; and the triangle to try for
+    what is left: the neighbour beyond the edge that all of it lies beyond, or `face` itself where it lies above that.
+    `room` is scratch space for two polygons.
+    """
+    rest, other = room
+    planes = surface.planes
+    for edge in range(3):
+        x, y, z = planes[face, edge, 0], planes[face, edge, 1], planes[face, edge, 2]
+        n_in, n_out = _cut(polygon, n, x, y, z, planes[face, edge, 3], rest, other)
+        if n_out == 0:
+            continue
+        beyond = surface.twin[3 * face + edge]
+        neighbour = beyond // 3 if beyond >= 0 else face
+        if n_in == 0:
+            return top, n, neighbour
+        for i in range(n_out):
+            for c in range(3):
+                stack[top, i, c] = other[i, c]
+        sizes[top], hints[top] = n_out, neighbour
+        top += 1
+        n = n_in
+        for i in range(n):
+            for c in range(3):
+                polygon[i, c] = rest[i, c]
+    return top, n, face
+
+
+@njit(cache=True, nogil=True)
+def _halve(
+    polygon: np.ndarray,
+    n: int,
+    room: tuple[np.ndarray, np.ndarray],
+    stack: np.ndarray,
+    sizes: np.ndarray,
+    top: int,
+) -> int:
+    """Cut the polygon across the middle of its longest extent and push both halves; the new top of the stack."""
+    rest, other = room
+    long2, p, q = _longest(polygon, n)
+    length = np.sqrt(long2)
+    if not length > 0.0:
+        return top
+    x = (polygon[p, 0] - polygon[q, 0]) / length
+    y = (polygon[p, 1] - polygon[q, 1]) / length
+    z = (polygon[p, 2] - polygon[q, 2]) / length
+    px, py, pz = polygon[p, 0] + polygon[q, 0], polygon[p, 1] + polygon[q, 1], polygon[p, 2] + polygon[q, 2]
+    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, rest, other)
+    if n_in == 0 or n_out == 0:
+        return top
+    for i in range(n_in):
+        for c in range(3):
+            stack[top, i, c] = rest[i, c]
+    for i in range(n_out):
+        for c in range(3):
+            stack[top + 1, i, c] = other[i, c]
+    sizes[top], sizes[top + 1] = n_in, n_out
+    return top + 2
+
+
+@njit(cache=True, nogil=True)
 def directed_bound(
     a: Surface, nearest: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
 ) -> tuple[float, float]:
@@ -165,129 +242,99 @@ def directed_bound(
     sizes = np.empty(MAX_STACK, np.int32)
     hints = np.empty(MAX_STACK, np.int32)
     depths = np.empty(MAX_STACK, np.int32)
+    walks = np.empty(MAX_STACK, np.int32)  # triangles tried in vain since the closest one was last looked up
     polygon = np.empty((MAX_CORNERS, 3))
-    rest = np.empty((MAX_CORNERS, 3))
-    other = np.empty((MAX_CORNERS, 3))
+    room = (np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3)))
     bound2 = 0.0
     enough2 = max(slack2 * lower2, floor2)
     effort = EFFORT * (len(a.triangles) + len(b.triangles)) + 1000
     last = 0
     for t in range(len(a.triangles)):
         # most triangles lie above a single one, and often above the one that the last triangle lay above
-        accepted = False
+        best2 = np.inf
+        start = last
         for attempt in range(4):
-            if attempt == 0:
-                k = last
-            else:
-                k = nearest[a.triangles[t, attempt - 1]]
-                if k == last:
-                    continue
+            k = last if attempt == 0 else nearest[a.triangles[t, attempt - 1]]
+            if attempt > 0 and k == last:
+                continue
             worst2 = 0.0
             for e in range(3):
                 i = a.triangles[t, e]
                 worst2 = max(worst2, distance2(corners, k, a.points[i, 0], a.points[i, 1], a.points[i, 2]))
-                if worst2 > enough2:
+                if worst2 > best2:
                     break
-            if worst2 <= enough2:
-                bound2 = max(bound2, worst2)
-                accepted = True
-                last = k
+            if worst2 < best2:
+                best2 = worst2
+                start = k
+            if best2 <= enough2:
                 break
-        if accepted:
+        last = start
+        if best2 <= enough2:
+            bound2 = max(bound2, best2)
             continue
         for e in range(3):
             for c in range(3):
                 stack[0, e, c] = a.points[a.triangles[t, e], c]
-        sizes[0] = 3
-        hints[0] = nearest[a.triangles[t, 0]]
-        depths[0] = 0
+        sizes[0], hints[0], depths[0], walks[0] = 3, start, 0, 0
+        whole2 = _longest(stack[0], 3)[0]
         top = 1
         while top > 0:
             top -= 1
             n = sizes[top]
             depth = depths[top]
-            hint = hints[top]
+            k = hints[top]
+            walked = walks[top]
             for i in range(n):
                 for c in range(3):
                     polygon[i, c] = stack[top, i, c]
-            here2, worst = _corner_bound(corners, hint, polygon, n)
+            here2, worst = _corner_bound(corners, k, polygon, n)
             if here2 <= enough2:
                 bound2 = max(bound2, here2)
                 continue
-            k, d2 = closest(
-                corners, box, child, query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], hint
-            )
-            if d2 > lower2:
-                lower2 = d2
-                enough2 = max(slack2 * lower2, floor2)
-            if k != hint:
-                there2, _ = _corner_bound(corners, k, polygon, n)
-                here2 = min(here2, there2)
-            if here2 <= enough2:
-                bound2 = max(bound2, here2)
-                last = k
-                continue
+            large2 = LARGE2 * _size2(corners, k)
+            cut = n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
+            look_up = walked >= MANY_WALKS or not cut
+            if look_up:
+                other, d2 = closest(
+                    corners, box, child, query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], k
+                )
+                if d2 > lower2:
+                    lower2 = d2
+                    enough2 = max(slack2 * lower2, floor2)
+                cut = cut and other != k
+                if other != k:
+                    k = other
+                    there2, _ = _corner_bound(corners, k, polygon, n)
+                    here2 = min(here2, there2)
+                if here2 <= enough2:
+                    bound2 = max(bound2, here2)
+                    continue
             effort -= 1
             if effort < 0 or depth >= MAX_DEPTH or top + 5 > MAX_STACK:
                 bound2 = max(bound2, here2)
                 continue
-            long2, p, q = _longest(polygon, n)
-            parted = False
-            if n <= MANY_CORNERS and long2 <= 6.0 * _size2(corners, k):
-                for attempt in range(2):
-                    face = k if attempt == 0 else hint
-                    if attempt == 1 and k == hint:
-                        break
-                    for edge in range(3):
-                        n_in, n_out = _cut(polygon, n, _edge_plane(corners, face, edge), rest, other)
-                        if n_out == 0:
-                            continue
-                        if n_in == 0:
-                            break
-                        for i in range(n_out):
-                            for c in range(3):
-                                stack[top, i, c] = other[i, c]
-                        sizes[top], hints[top], depths[top] = n_out, face, depth + 1
-                        top += 1
-                        n = n_in
-                        for i in range(n):
-                            for c in range(3):
-                                polygon[i, c] = rest[i, c]
-                        parted = True
-                    if parted:
-                        for i in range(n):
-                            for c in range(3):
-                                stack[top, i, c] = polygon[i, c]
-                        sizes[top], hints[top], depths[top] = n, face, depth + 1
-                        top += 1
-                        break
-            if parted:
-                continue
-            if not long2 > 0.0:
-                bound2 = max(bound2, here2)
-                continue
-            length = np.sqrt(long2)
-            x = (polygon[p, 0] - polygon[q, 0]) / length
-            y = (polygon[p, 1] - polygon[q, 1]) / length
-            z = (polygon[p, 2] - polygon[q, 2]) / length
-            offset = (
-                x * (polygon[p, 0] + polygon[q, 0])
-                + y * (polygon[p, 1] + polygon[q, 1])
-                + z * (polygon[p, 2] + polygon[q, 2])
-            ) / 2.0
-            n_in, n_out = _cut(polygon, n, (x, y, z, offset), rest, other)
-            if n_in == 0 or n_out == 0:
-                bound2 = max(bound2, here2)
-                continue
-            for i in range(n_in):
-                for c in range(3):
-                    stack[top, i, c] = rest[i, c]
-            sizes[top], hints[top], depths[top] = n_in, k, depth + 1
-            for i in range(n_out):
-                for c in range(3):
-                    stack[top + 1, i, c] = other[i, c]
-            sizes[top + 1], hints[top + 1], depths[top + 1] = n_out, k, depth + 1
-            top += 2
+            bottom = top
+            if cut:
+                top, n, onward = _part_along_edges(b, k, polygon, n, room, stack, sizes, hints, top)
+                for s in range(bottom, top):
+                    walks[s] = 0
+                if top > bottom or not look_up:
+                    for i in range(n):
+                        for c in range(3):
+                            stack[top, i, c] = polygon[i, c]
+                    sizes[top], hints[top] = n, onward
+                    walks[top] = MANY_WALKS if onward == k else walked + 1
+                    top += 1
+            if top == bottom:
+                top = _halve(polygon, n, room, stack, sizes, top)
+                if top == bottom:
+                    bound2 = max(bound2, here2)
+                    continue
+                for s in range(bottom, top):
+                    hints[s] = k
+                    walks[s] = 0
+            for s in range(bottom, top):
+                depths[s] = depth + 1
     return bound2, lower2
 
 
@@ -304,3 +351,11 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     there2, lower2 = directed_bound(a, near_a, b, lower2, floor * floor, slack * slack)
     back2, lower2 = directed_bound(b, near_b, a, lower2, floor * floor, slack * slack)
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
+
+
+@njit(cache=True, nogil=True)
+def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
+    """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
+    nearest, squared = point_distances(a.points, b)
+    bound2, _ = directed_bound(a, nearest, b, squared.max(), floor * floor, slack * slack)
+    return np.sqrt(bound2)

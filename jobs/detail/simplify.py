@@ -23,6 +23,8 @@ from jobs.objects.weld import NON_MANIFOLD, OPEN, is_degenerate, mix, table_size
 
 #: Two triangles whose normals have a cosine below this turn back on themselves: their edge is a rim.
 FOLD = -0.9
+#: The library does not move a vertex where a triangle's corner has a cosine beyond this, either way.
+STIFF = 0.999
 
 
 @njit(cache=True, nogil=True)
@@ -43,12 +45,14 @@ def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 @njit(cache=True, nogil=True)
 def scaled_with_rims(
     grid_points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, locked: np.ndarray, rims: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
     """What is handed to fast-simplification: the mesh, scaled and centred, behind the triangles added to hold it.
 
     grid_points (n, 3) int32, triangles (m, 3) int32, twin (3 m,) int32, locked: indices of vertices that must stay.
     Returns points (n + ..., 3) float64, triangles (... + m, 3) int32 (added ones first), the centre (3,) and the scale:
-    points = (grid_points - centre) * scale.
+    points = (grid_points - centre) * scale; and how many of the added triangles the library will not take out by itself.
+    Most it does, at no cost: it pulls their tips to an end of the edge. It never touches a vertex at a very sharp or
+    blunt corner of a triangle.
     """
     n, m = len(grid_points), len(triangles)
     centre = np.zeros(3)
@@ -89,6 +93,16 @@ def scaled_with_rims(
     for p in range(n):
         for i in range(3):
             all_points[p, i] = points[p, i] * scale
+    stiff = np.zeros(n, np.bool_)
+    for h in range(3 * m):
+        a, b, c = triangles[h // 3, h % 3], triangles[h // 3, (h + 1) % 3], triangles[h // 3, (h + 2) % 3]
+        dot, uu, vv = 0.0, 0.0, 0.0
+        for i in range(3):
+            u, v = points[b, i] - points[a, i], points[c, i] - points[a, i]
+            dot, uu, vv = dot + u * v, uu + u * u, vv + v * v
+        if dot * dot > STIFF * STIFF * uu * vv:
+            stiff[a] = True
+    staying = len(locked)
     p, s = n, 0
     for h in range(3 * m):
         if not held[h]:
@@ -100,6 +114,7 @@ def scaled_with_rims(
         for i in range(3):
             all_points[p, i] = (0.5 * (points[a, i] + points[b, i]) + half * normals[t, i]) * scale
         all_triangles[s, 0], all_triangles[s, 1], all_triangles[s, 2] = a, p, b
+        staying += stiff[a] and stiff[b]
         p += 1
         s += 1
     for q in range(len(locked)):
@@ -111,7 +126,7 @@ def scaled_with_rims(
         p += 2
         s += 1
     all_triangles[s:] = triangles
-    return all_points, all_triangles, centre, scale
+    return all_points, all_triangles, centre, scale, staying
 
 
 @njit(cache=True, nogil=True)
@@ -216,11 +231,10 @@ def coarser(
     borders stay. fast-simplification keeps its state in globals but sets all of it anew in each call; it holds the
     interpreter's lock throughout, so threads do not mix, and nothing of an earlier call shows in a later one.
     """
-    whole, faces, centre, scale = scaled_with_rims(points, triangles, twin, locked, len(locked) == 0)
+    whole, faces, centre, scale, staying = scaled_with_rims(points, triangles, twin, locked, len(locked) == 0)
     added = len(faces) - len(triangles)
-    goal = target + len(locked)
     new_points, new_faces, collapses = fast_simplification.simplify(
-        whole, faces, target_count=goal, return_collapses=True, preserve_border=len(locked) > 0
+        whole, faces, target_count=target + staying, return_collapses=True, preserve_border=len(locked) > 0
     )
     left = survivors(faces, collapses, len(whole))
     own = new_faces[left >= added]

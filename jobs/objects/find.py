@@ -24,6 +24,7 @@ class Objects:
     triangles: np.ndarray  # (m, 3) int32: welded vertices
     source: np.ndarray  # (m,) int64: the batch's triangle
     twin: np.ndarray  # (3 m,) int32: the other half-edge inside the piece, see jobs.objects.weld
+    whole_twin: np.ndarray  # (3 m,) int32: the other half-edge inside the component, in whatever piece
     start: np.ndarray  # (pieces + 1,) int64: first triangle of each piece
     component: np.ndarray  # (pieces,) int64: the component each piece belongs to
     outward: np.ndarray  # (pieces,) bool: its whole component is closed and its shells are wound outward
@@ -79,8 +80,10 @@ def find_objects(grid_points: np.ndarray, mesh: np.ndarray, triangles: np.ndarra
         component = np.array(piece_component, np.int64)
         start = np.concatenate([[0], np.cumsum(piece_sizes)]).astype(np.int64)
         kept_corners = np.ascontiguousarray(corners[order])
+        whole_twin = twins(kept_corners)
         twin = _twins_inside(kept_corners, start)
     else:
+        whole_twin = twin
         component = np.flatnonzero(sizes > 0).astype(np.int64)
         start = np.concatenate([[0], np.cumsum(sizes[component])]).astype(np.int64)
 
@@ -93,6 +96,7 @@ def find_objects(grid_points: np.ndarray, mesh: np.ndarray, triangles: np.ndarra
         triangles=kept_corners,
         source=order,
         twin=twin,
+        whole_twin=whole_twin,
         start=start,
         component=component,
         outward=outward[component],

@@ -101,6 +101,7 @@ def books(count: int, rng: np.random.Generator) -> Pairs:
 
 
 BOOK_CAPACITY = 140  # books that fit well into one shelf
+BOOK_VARIANTS = 8
 
 
 def stocked_books(variant: int) -> Pairs:
@@ -127,6 +128,22 @@ def pot_plant() -> Pairs:
     frame = frames_along(along)
     leaves = turned_boxes(start + along * length[:, None], np.stack([np.full(count, 0.035), np.full(count, 0.004), length * 0.22], axis=1), frame)
     return [(pot, "terracotta"), (join([stems, leaves]), "leaf")]
+
+
+def desk_things() -> Pairs:
+    """Papers, a tray, a telephone and pens, to lie on a desk."""
+    rng = np.random.default_rng(13)
+    angle, count = rng.uniform(-0.3, 0.3, 14), 14
+    flat = np.zeros((count, 3, 3))
+    flat[:, 0, 0] = flat[:, 1, 1] = np.cos(angle)
+    flat[:, 1, 0], flat[:, 0, 1], flat[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
+    at = np.stack([rng.uniform(-0.03, 0.03, count), rng.uniform(-0.03, 0.03, count), 0.001 + 0.003 * np.arange(count)], axis=1)
+    sheets = turned_boxes(at, np.tile([0.105, 0.148, 0.0011], (count, 1)), flat)
+    tray = blocks(*[(0.3, 0, 0.05 * k, 0.26, 0.33, 0.006) for k in range(3)], (0.172, 0, 0, 0.006, 0.33, 0.13), (0.428, 0, 0, 0.006, 0.33, 0.13))
+    phone = blocks((-0.28, 0.02, 0, 0.2, 0.2, 0.04), (-0.34, 0.02, 0.04, 0.05, 0.22, 0.03), *[(-0.28 + 0.03 * (k % 4), -0.04 + 0.03 * (k // 4), 0.04, 0.02, 0.02, 0.006) for k in range(16)])
+    holder = lathe([[0, 0], [0.04, 0], [0.04, 0.1], [0.036, 0.1], [0.034, 0.01], [0, 0.01]], 16).moved(0.3, 0.26)
+    pens = cylinders([[0.3 + 0.01 * k, 0.26, 0.02] for k in (-1, 0, 1)], [[0.3 + 0.03 * k, 0.27, 0.16] for k in (-1, 0, 1)], 0.004, 6)
+    return [(sheets, "paper"), (join([tray, phone, holder]), "black"), (pens, "blue")]
 
 
 def radiator() -> Pairs:
@@ -233,7 +250,7 @@ FURNISHINGS: dict[str, Recipe] = {
     "basin": basin,
     "bed": bed,
     "bin": bin_,
-    **{f"books {k}": partial(stocked_books, k) for k in range(8)},
+    **{f"books {k}": partial(stocked_books, k) for k in range(BOOK_VARIANTS)},
     "cabinet": cabinet,
     "ceiling lamp": ceiling_lamp,
     "chair": chair,
@@ -242,6 +259,7 @@ FURNISHINGS: dict[str, Recipe] = {
     "cushion": cushion,
     "desk": desk,
     "desk lamp": desk_lamp,
+    "desk things": desk_things,
     "door leaf": door_leaf,
     "keyboard": keyboard,
     "kitchen": kitchen,

@@ -54,8 +54,8 @@ class _List:
 
 def _number(value: float) -> str:
     """The shortest JSON number of `value` rounded to a micrometre."""
-    rounded = round(float(value), 6)
-    return str(int(rounded)) if rounded == int(rounded) else repr(rounded)
+    rounded = round(float(value), 6) + 0.0
+    return str(int(rounded)) if rounded.is_integer() else repr(rounded)
 
 
 class GlbWriter:
@@ -76,7 +76,8 @@ class GlbWriter:
         )
         self._materials: list[dict[str, Any]] = []
         self._mesh_triangles: list[int] = []
-        self._open: list[tuple[str, tuple[float, float, float], list[int]]] = [("", (0.0, 0.0, 0.0), [])]
+        self._turns: dict[tuple[bytes, float], str] = {}  # the JSON of rotations that were used before
+        self._open: list[tuple[str, str, list[int]]] = [("", "", [])]  # name, placement, children
 
     def __enter__(self) -> Self:
         return self
@@ -112,12 +113,13 @@ class GlbWriter:
             raise ParameterError(
                 f"{self.out}: the scene does not fit into one GLB file (4 GiB at most): ask for fewer triangles"
             )
-        self._data.write(array.data)
+        self._data.write(np.ascontiguousarray(array).data)
         view = self._views.add(
             f'{{"buffer":0,"byteOffset":{self._offset},"byteLength":{size},"target":{target}}}'
         )
         padding = -size % 4
-        self._data.write(bytes(padding))
+        if padding:
+            self._data.write(bytes(padding))
         self._offset += size + padding
         return view
 
@@ -126,18 +128,18 @@ class GlbWriter:
         texts = []
         triangles = 0
         for mesh, material in primitives:
-            positions = np.ascontiguousarray((np.rint(mesh.positions * POSITION_STEPS) / POSITION_STEPS) @ _Y_UP.T, "<f4")
-            normals = np.ascontiguousarray((np.rint(mesh.normals * NORMAL_STEPS) / NORMAL_STEPS) @ _Y_UP.T, "<f4")
-            short = len(positions) <= 65535
+            positions = _rounded(mesh.positions, POSITION_STEPS)
+            normals = _rounded(mesh.normals, NORMAL_STEPS)
+            short = positions.shape[1] <= 65535
             indices = np.ascontiguousarray(mesh.triangles, "<u2" if short else "<u4")
-            positions += np.float32(0.0)
-            lo, hi = (json.dumps(bound.tolist(), separators=(",", ":")) for bound in (positions.min(0), positions.max(0)))
+            lo, hi = positions.min(axis=1).tolist(), positions.max(axis=1).tolist()
+            count = positions.shape[1]
             place = self._accessors.add(
-                f'{{"bufferView":{self._store(positions, 34962)},"componentType":5126,"count":{len(positions)},'
+                f'{{"bufferView":{self._store(positions.T, 34962)},"componentType":5126,"count":{count},'
                 f'"type":"VEC3","min":{lo},"max":{hi}}}'
             )
             facing = self._accessors.add(
-                f'{{"bufferView":{self._store(normals, 34962)},"componentType":5126,"count":{len(normals)},"type":"VEC3"}}'
+                f'{{"bufferView":{self._store(normals.T, 34962)},"componentType":5126,"count":{count},"type":"VEC3"}}'
             )
             corners = self._accessors.add(
                 f'{{"bufferView":{self._store(indices, 34963)},"componentType":{5123 if short else 5125},'
@@ -155,15 +157,17 @@ class GlbWriter:
         """Triangles of mesh `mesh`."""
         return self._mesh_triangles[mesh]
 
-    def begin(self, name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
-        """Open a node shifted by (x, y, z) against the one around it."""
-        self._open.append((name, (x, y, z), []))
+    def begin(
+        self, name: str, at: tuple[float, float, float] = (0.0, 0.0, 0.0), turn: NDArray[np.float64] | None = None
+    ) -> None:
+        """Open a node at a point of the node around it, under a rotation (3, 3)."""
+        self._open.append((name, self._placement(at, turn, 1.0), []))
 
     def end(self) -> None:
         """Close the node opened last; one that holds nothing is left out."""
-        name, shift, children = self._open.pop()
+        name, placement, children = self._open.pop()
         if children:
-            self._node(name, f',"children":{json.dumps(children, separators=(",", ":"))}' + _translation(shift))
+            self._node(name, f',"children":{json.dumps(children, separators=(",", ":"))}{placement}')
 
     def place(
         self,
@@ -175,14 +179,18 @@ class GlbWriter:
     ) -> None:
         """Place `mesh` at a point, under a rotation (3, 3) and a uniform scale."""
         self.triangles += self._mesh_triangles[mesh]
+        self._node(name, f',"mesh":{mesh}{self._placement(at, turn, scale)}')
+
+    def _placement(self, at: tuple[float, float, float], turn: NDArray[np.float64] | None, scale: float) -> str:
+        """The JSON of a node's transform, or nothing for none."""
+        x, y, z = map(_number, (at[0], at[2], -at[1]))
         if turn is None and scale == 1.0:
-            where = _translation(at)
-        else:
-            matrix = np.eye(4)
-            matrix[:3, :3] = _Y_UP @ ((np.eye(3) if turn is None else turn) * scale) @ _Y_UP.T
-            matrix[:3, 3] = y_up(at)
-            where = f',"matrix":[{",".join(_number(value) for value in matrix.T.ravel().tolist())}]'
-        self._node(name, f',"mesh":{mesh}{where}')
+            return f',"translation":[{x},{y},{z}]' if any(at) else ""
+        key = (b"" if turn is None else turn.tobytes(), scale)
+        if key not in self._turns:
+            linear = _Y_UP @ ((np.eye(3) if turn is None else turn) * scale) @ _Y_UP.T
+            self._turns[key] = ",".join(",".join(map(_number, column)) + ",0" for column in linear.T.tolist())
+        return f',"matrix":[{self._turns[key]},{x},{y},{z},1]'
 
     def add(self, name: str, mesh: Mesh, material: int) -> None:
         """Write `mesh` and place it once, where it is."""
@@ -225,11 +233,16 @@ class GlbWriter:
         return size
 
 
-def _translation(shift: tuple[float, float, float]) -> str:
-    """The JSON of a node's translation, or nothing for none."""
-    if not any(shift):
-        return ""
-    return f',"translation":[{",".join(_number(value) for value in y_up(shift).tolist())}]'
+def _rounded(vectors: NDArray[np.float64], steps: float) -> NDArray[np.float32]:
+    """`vectors` (n, 3), z up, rounded to 1/`steps` and turned y up: (3, n), without negative zeros."""
+    scaled = vectors.T * steps
+    np.rint(scaled, out=scaled)
+    out = np.empty(scaled.shape, "<f4")
+    np.divide(scaled[0], steps, out=out[0], casting="same_kind")
+    np.divide(scaled[2], steps, out=out[1], casting="same_kind")
+    np.divide(scaled[1], -steps, out=out[2], casting="same_kind")
+    out += np.float32(0.0)
+    return out
 
 
 def _append(file: BinaryIO, path: Path) -> None:

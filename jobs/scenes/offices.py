@@ -7,72 +7,25 @@ Coordinates are multiples of 1/64 m wherever walls, floors and stairs meet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
-from jobs.scenes.furnishings import BOOK_CAPACITY, FURNISHINGS, books
-from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z
+from jobs.scenes.furnishings import FURNISHINGS
+from jobs.scenes.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
+from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes
 from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = FURNISHINGS
 STOREY_TRIANGLES = 60_000  # aimed at per storey
+ROOF_TRIANGLES = 12 + 8 * 4 + 16 * 2  # slab and parapet
 TOWER_STOREYS = 24
 TOWER_SPACING = (60.0, 48.0)
 
 WIDTH, DEPTH = 36.0, 15.0
-STOREY, CLEAR = 3.5, 3.25  # floor to floor, floor to ceiling
-OUTER, INNER = 0.25, 0.125  # wall thickness
 SOUTH_WALL, NORTH_WALL = 6.25, 8.625  # the corridor's walls start here (y)
 CORRIDOR_Y = 7.5
 CORE = 4.75  # the stair core ends here (x)
-DOOR_WIDTH, DOOR_HEIGHT = 1.0, 2.125
-STRIP = 1.25  # along the corridor walls, inside the rooms, nothing stands
 ROOM_WIDTHS = (4.0, 5.0, 6.0, 7.5)
 KINDS = ("office", "office", "meeting", "library", "open", "kitchen", "lounge")
-
-
-@dataclass(frozen=True)
-class Room:
-    """One room; lengths in metres in the storey's coordinates."""
-
-    number: int
-    north: bool  # of the corridor
-    x0: float
-    x1: float
-    door: float  # the door's middle (x)
-    open: bool  # the door
-    angle: float  # of the open door's leaf, in degrees
-    link: float | None  # the wall (x) with an opening to the next room, if there is one
-    kind: str
-
-    @property
-    def y0(self) -> float:
-        """Where the room's floor begins."""
-        return NORTH_WALL + INNER if self.north else OUTER
-
-    @property
-    def y1(self) -> float:
-        """Where it ends."""
-        return DEPTH - OUTER if self.north else SOUTH_WALL
-
-    @property
-    def strip(self) -> float:
-        """The middle (y) of the strip along the corridor wall."""
-        return self.y0 + STRIP / 2 if self.north else self.y1 - STRIP / 2
-
-
-@dataclass(frozen=True)
-class Item:
-    """Something to be placed in a room if the triangles last: a thing of the stock and where it stands."""
-
-    room: int
-    priority: int
-    thing: str
-    at: Point
-    degrees: float
 
 
 def _storeys(triangles: int) -> int:
@@ -92,7 +45,7 @@ def _tower_place(tower: int, towers: int) -> tuple[float, float]:
     return column * TOWER_SPACING[0], row * TOWER_SPACING[1]
 
 
-def _rooms(seed: int, tower: int) -> list[Room]:
+def _rooms(seed: int, tower: int) -> tuple[Room, ...]:
     """The rooms of every storey of a tower, from west to east, the southern ones first."""
     rng = np.random.default_rng([seed, 1, tower])
     rooms: list[Room] = []
@@ -113,15 +66,17 @@ def _rooms(seed: int, tower: int) -> list[Room]:
                     north=north,
                     x0=x,
                     x1=x + width,
+                    y0=NORTH_WALL + INNER if north else OUTER,
+                    y1=DEPTH - OUTER if north else SOUTH_WALL,
                     door=door,
                     open=bool(k % 2 == 0 or rng.uniform() < 0.4),
                     angle=float(rng.integers(80, 96)),
-                    link=x + width if linked else None,
+                    hinge_east=not linked,
                     kind="open" if width > 7 else str(rng.choice(KINDS)),
                 )
             )
             x += width + INNER
-    return rooms
+    return tuple(rooms)
 
 
 def walk(triangles: int, seed: int) -> Walk:
@@ -142,10 +97,9 @@ def walk(triangles: int, seed: int) -> Walk:
         chosen = [room for room in rooms if room.open][storey % 2 :: 2]
         for room in sorted(chosen, key=lambda each: each.door):
             tour += [(room.door, CORRIDOR_Y, z), (room.door, room.strip, z)]
-            partner = next((each for each in rooms if room.link is not None and each.x0 == room.link + INNER and each.north == room.north), None)
-            if partner is not None:
-                middle = (partner.x0 + partner.x1) / 2
-                tour += [(middle, room.strip, z), (room.door, room.strip, z)]
+            if not room.hinge_east:  # an opening leads to the next room
+                partner = rooms[room.number]
+                tour += [((partner.x0 + partner.x1) / 2, room.strip, z), (room.door, room.strip, z)]
             tour += [(room.door, CORRIDOR_Y, z)]
         tour += [(34.5, CORRIDOR_Y, z), (2.5, CORRIDOR_Y, z)]
         if storey + 1 < min(3, towers[0]):
@@ -157,7 +111,6 @@ def walk(triangles: int, seed: int) -> Walk:
 def build(stage: Stage, triangles: int, seed: int) -> None:
     """Make the whole scene on `stage`."""
     towers = _towers(triangles)
-    ground = min(1000, stage.left)
     storeys_left = sum(towers)
     columns = max(1, round(len(towers) ** 0.5))
     rows = -(-len(towers) // columns)
@@ -166,11 +119,11 @@ def build(stage: Stage, triangles: int, seed: int) -> None:
     hi = ((columns - 1) * TOWER_SPACING[0] + WIDTH + 24, (rows - 1) * TOWER_SPACING[1] + DEPTH + 24, -0.25)
     stage.add("ground", boxes([lo], [hi]), "pavement")
     for tower, storeys in enumerate(towers):
-        rooms = _rooms(seed, tower)
-        stage.writer.begin(f"tower {tower + 1}", *_tower_place(tower, len(towers)))
+        plan = Plan.of(stage, _rooms(seed, tower))
+        stage.writer.begin(f"tower {tower + 1}", (*_tower_place(tower, len(towers)), 0.0))
         for storey in range(storeys):
             goal = stage.writer.triangles + stage.left // storeys_left
-            _storey(stage, goal, rooms, np.random.default_rng([seed, 2, tower, storey]), tower, storey, storeys)
+            _storey(stage, goal, plan, np.random.default_rng([seed, 2, tower, storey]), tower, storey, storeys)
             storeys_left -= 1
             stage.report()
         _roof(stage, tower, storeys)
@@ -190,13 +143,13 @@ def _roof(stage: Stage, tower: int, storeys: int) -> None:
 
 
 def _storey(
-    stage: Stage, goal: int, rooms: list[Room], rng: np.random.Generator, tower: int, storey: int, storeys: int
+    stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, tower: int, storey: int, storeys: int
 ) -> None:
     """One storey; it ends within a few triangles of `goal`, counted over the whole scene."""
-    name = f"tower {tower + 1} storey {storey + 1}"
-    stage.writer.begin(name, z=storey * STOREY)
+    name, rooms = f"tower {tower + 1} storey {storey + 1}", plan.rooms
+    stage.writer.begin(name, (0.0, 0.0, storey * STOREY))
     stage.writer.begin(f"{name} structure")
-    _floor(stage, name, storey)
+    _floor(stage, name, rooms, storey)
     _facades(stage, name, storey)
     for north in (False, True):
         _corridor_wall(stage, name, rooms, north, ("slab", "abutting", "interpenetrating")[(storey + 2 * north) % 3])
@@ -204,13 +157,15 @@ def _storey(
     if storey + 1 < storeys:
         _stairs(stage, name)
     _services(stage, name, rooms)
+    for x in np.arange(3.0, WIDTH - 2.0, 4.0).tolist():
+        stage.put(f"{name} corridor lamp {x:g}", "ceiling lamp", (x, 8.375, CLEAR))
     stage.writer.end()
-    reserve = 44 if storey + 1 == storeys else 0
-    _furnish(stage, goal - reserve, rooms, rng, name)
+    reserve = ROOF_TRIANGLES if storey + 1 == storeys else 0
+    furnish(stage, goal - reserve, plan, rng, name)
     stage.writer.end()
 
 
-def _floor(stage: Stage, name: str, storey: int) -> None:
+def _floor(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> None:
     if storey == 0:
         slab = boxes([(0.0, 0.0, -0.25)], [(WIDTH, DEPTH, 0.0)])
     else:
@@ -218,6 +173,11 @@ def _floor(stage: Stage, name: str, storey: int) -> None:
     stage.add(f"{name} floor", slab, "concrete")
     carpet = boxes([(OUTER, SOUTH_WALL + INNER, 0.0)], [(WIDTH - OUTER, NORTH_WALL, 1 / 64)])
     stage.add(f"{name} corridor carpet", carpet, "carpet")
+    lo, hi = (np.array([[getattr(r, x), getattr(r, y), 0.0] for r in rooms]) for x, y in (("x0", "y0"), ("x1", "y1")))
+    soft = np.array([room.kind in ("office", "open", "meeting", "library") for room in rooms])
+    stage.add(f"{name} room carpets", boxes(lo[soft], hi[soft] + (0, 0, 1 / 64)), "carpet light")
+    stage.add(f"{name} parquet", boxes(lo[~soft], hi[~soft] + (0, 0, 1 / 64)), "wood")
+    stage.add(f"{name} ceilings", boxes(lo + (0, 0, CLEAR - 1 / 32), hi + (0, 0, CLEAR)), "white")
 
 
 def _facades(stage: Stage, name: str, storey: int) -> None:
@@ -270,7 +230,7 @@ def _wall(axis: str, span: tuple[float, float], holes: list[tuple[float, float, 
     return boxes(lo, hi)
 
 
-def _corridor_wall(stage: Stage, name: str, rooms: list[Room], north: bool, manner: str) -> None:
+def _corridor_wall(stage: Stage, name: str, rooms: tuple[Room, ...], north: bool, manner: str) -> None:
     y = NORTH_WALL if north else SOUTH_WALL
     holes = [(r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT) for r in rooms if r.north == north]
     if north:
@@ -279,14 +239,14 @@ def _corridor_wall(stage: Stage, name: str, rooms: list[Room], north: bool, mann
     stage.add(f"{name} {side} corridor wall ({manner})", _wall("y", (OUTER, WIDTH - OUTER), holes, y, y + INNER, manner), "plaster")
 
 
-def _cross_walls(stage: Stage, name: str, rooms: list[Room], storey: int) -> None:
+def _cross_walls(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> None:
     core = boxes([(CORE, NORTH_WALL + INNER, 0.0)], [(CORE + INNER, DEPTH - OUTER, CLEAR)])
     stage.add(f"{name} core wall", core, "concrete")
     for room in rooms:
         if room.x1 >= WIDTH - OUTER:
             continue
         middle = room.strip
-        holes = [] if room.link is None else [(middle - DOOR_WIDTH / 2, middle + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)]
+        holes = [] if room.hinge_east else [(middle - DOOR_WIDTH / 2, middle + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)]
         manner = ("abutting", "slab", "interpenetrating")[(storey + room.number) % 3]
         wall = _wall("x", (room.y0, room.y1), holes, room.x1, room.x1 + INNER, manner)
         stage.add(f"{name} wall {room.number} ({manner})", wall, "plaster")
@@ -316,7 +276,7 @@ def _stairs(stage: Stage, name: str) -> None:
     stage.add(f"{name} stair railings", join([rails, bars]), "black")
 
 
-def _services(stage: Stage, name: str, rooms: list[Room]) -> None:
+def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
     """A duct and pipes under the corridor's ceiling, door frames, skirting boards."""
     x0, x1 = OUTER + 0.25, WIDTH - OUTER - 0.25
     stage.add(f"{name} duct", boxes([(x0, 6.75, 2.8125)], [(x1, 7.25, 3.125)]), "galvanised")
@@ -338,145 +298,3 @@ def _services(stage: Stage, name: str, rooms: list[Room]) -> None:
         boards_hi.append((room.x1, high, 0.125))
     stage.add(f"{name} door frames", boxes(frames_lo, frames_hi), "wood dark")
     stage.add(f"{name} skirting boards", boxes(boards_lo, boards_hi), "white")
-
-
-# ------------------------------------------------------------------------------------------------ furniture
-
-
-def _workplace(room: Room, x: float, y: float, degrees: float) -> Iterator[Item]:
-    """A desk at (x, y) with what stands on it; the person sits on its -y side, turned by `degrees`."""
-    turn = turn_z(degrees)
-
-    def at(dx: float, dy: float, z: float) -> Point:
-        ox, oy, _ = turn @ (dx, dy, 0.0)
-        return (x + float(ox), y + float(oy), z)
-
-    yield Item(room.number, 0, "desk", at(0, 0, 0), degrees)
-    yield Item(room.number, 1, "chair", at(0.05, -0.72, 0), degrees + 180)
-    yield Item(room.number, 2, "monitor", at(-0.1, 0.22, 0.75), degrees)
-    yield Item(room.number, 2, "computer", at(-0.62, 0.08, 0), degrees)
-    yield Item(room.number, 5, "keyboard", at(-0.1, -0.12, 0.75), degrees)
-    yield Item(room.number, 6, "desk lamp", at(0.62, 0.2, 0.75), degrees)
-    yield Item(room.number, 7, "cup", at(0.4, -0.1, 0.75), degrees + 40)
-
-
-def _items(room: Room, rng: np.random.Generator) -> Iterator[Item]:
-    """What the room may hold. Nothing stands in the strip along the corridor wall."""
-    number, facing = room.number, 180.0 if room.north else 0.0
-    outer = room.y1 if room.north else room.y0  # the facade's inner face
-    inward = -1.0 if room.north else 1.0
-    deep = room.y1 - room.y0 - STRIP  # of the part that may be filled
-    middle, width = (room.x0 + room.x1) / 2, room.x1 - room.x0
-
-    def y(distance: float) -> float:
-        return outer + inward * distance
-
-    hinge = room.door + (DOOR_WIDTH / 2 - 0.02) * (1 if room.link is None else -1)
-    along = 180.0 if room.link is None else 0.0  # the closed leaf's direction from its hinge
-    swing = (room.angle if room.open else 0.0) * (1 if (room.link is None) != room.north else -1)
-    wall = NORTH_WALL + INNER - 0.02 if room.north else SOUTH_WALL + 0.02
-    if room.north:
-        swing = room.angle * (-1 if room.link is None else 1) * room.open
-    else:
-        swing = room.angle * (1 if room.link is None else -1) * room.open
-    yield Item(number, 0, "door leaf", (hinge, wall, 0.0), along + swing)
-    for k in range(max(1, round(width / 2.5))):
-        x = room.x0 + (k + 0.5) * width / max(1, round(width / 2.5))
-        yield Item(number, 3, "ceiling lamp", (x, y(1.6), CLEAR), 90.0)
-        yield Item(number, 4, "ceiling lamp", (x, y(3.8), CLEAR), 90.0)
-        yield Item(number, 3, "radiator", (x, y(0.08), 0.0), 0.0)
-    yield Item(number, 4, "bin", (room.x0 + 0.3, y(deep - 0.2), 0.0), 0.0)
-    yield Item(number, 6, "pot plant", (room.x1 - 0.35, y(0.5), 0.0), float(rng.integers(0, 360)))
-    if room.kind in ("office", "open"):
-        pairs = max(1, int((width - 1.8) / 3.4))
-        for k in range(pairs):
-            x = room.x0 + 0.4 + (k + 0.5) * (width - 0.8) / pairs
-            for side in (-1.0, 1.0):
-                yield from _workplace(room, x + side * 0.42, y(1.5), -90.0 * side)
-                if deep > 3.8:
-                    yield from _workplace(room, x + side * 0.42, y(3.3), -90.0 * side)
-    elif room.kind == "meeting":
-        yield Item(number, 0, "meeting table", (middle, y(2.4), 0.0), 90.0 if width < 4.9 else 0.0)
-        for k in range(3):
-            for side in (-1.0, 1.0):
-                offset = (k - 1) * 1.1
-                at, turn = ((middle + side * 0.95, y(2.4) + offset, 0.0), 90.0 * side + 180) if width < 4.9 else ((middle + offset, y(2.4) + side * 0.95, 0.0), 0.0 if side > 0 else 180.0)
-                yield Item(number, 1, "visitor chair", at, turn - 180.0 if width < 4.9 else turn)
-                yield Item(number, 7, "cup", (middle + (0.4 * side if width < 4.9 else offset), y(2.4) + (offset if width < 4.9 else 0.4 * side), 0.75), 20.0 * k)
-        yield Item(number, 3, "whiteboard", (room.x1 - 0.02, y(2.4), 0.0), -90.0)
-    elif room.kind == "lounge":
-        for k, x in enumerate(np.arange(room.x0 + 1.3, room.x1 - 1.0, 2.4).tolist()):
-            yield Item(number, 0, "sofa blue" if k % 2 else "sofa red", (x, y(0.75), 0.0), 180.0 + facing)
-            yield Item(number, 3, "cushion", (x - 0.5, y(0.75), 0.42), 0.0)
-            yield Item(number, 1, "visitor chair", (x, y(3.2), 0.0), facing)
-        yield Item(number, 5, "pot plant", (room.x0 + 0.4, y(3.9), 0.0), 30.0)
-    elif room.kind == "kitchen":
-        yield Item(number, 0, "kitchen", (room.x0 + 0.36, y(2.2), 0.0), 90.0)
-        for k in range(2):
-            yield Item(number, 0, "desk", (room.x0 + 2.4, y(1.2 + 2.1 * k), 0.0), 0.0)
-            for side in (-1.0, 1.0):
-                for dx in (-0.4, 0.4):
-                    yield Item(number, 1, "visitor chair", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.65 * side, 0.0), 0.0 if side > 0 else 180.0)
-                    yield Item(number, 7, "cup", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.2 * side, 0.75), 0.0)
-    else:
-        for row in range(2 if width < 5.5 else 3):
-            for k in range(4):
-                x = room.x0 + 1.4 + row * (width - 2.6) / (1 if width < 5.5 else 2)
-                for side in (-1.0, 1.0):
-                    yield Item(number, 1 + row, "shelf", (x + 0.16 * side, y(0.75 + 1.0 * k), 0.0), 90.0 * side)
-    free = room.kind not in ("kitchen",)
-    for k in range(int((deep - 0.3) / 1.02)):
-        if free:
-            yield Item(number, 2 + k % 3, "shelf" if k < 3 else "cabinet", (room.x0 + 0.18, y(0.9 + 1.02 * k), 0.0), 90.0)
-        if room.kind not in ("meeting",) and width > 4.5:
-            yield Item(number, 3 + k % 3, "shelf", (room.x1 - 0.18, y(1.3 + 1.02 * k), 0.0), -90.0)
-
-
-def _furnish(stage: Stage, goal: int, rooms: list[Room], rng: np.random.Generator, name: str) -> None:
-    """Furnish the rooms up to `goal` triangles (of the scene); books fill what is left."""
-    items = [item for room in rooms for item in _items(room, rng)]
-    order = sorted(range(len(items)), key=lambda k: (items[k].priority, float(rng.uniform())))
-    left = goal - stage.writer.triangles
-    filler = 12 * BOOK_CAPACITY
-    chosen: list[int] = []
-    shelves: list[int] = []
-    for k in order:
-        cost = stage.cost(items[k].thing)
-        if cost <= left:
-            left -= cost
-            chosen.append(k)
-            if items[k].thing == "shelf":
-                shelves.append(k)
-    stocked: dict[int, int] = {}
-    fresh: dict[int, int] = {}
-    for k in shelves:
-        variant = int(rng.integers(0, 8))
-        cost = stage.cost(f"books {variant}")
-        if left > cost + filler:
-            stocked[k] = variant
-        else:
-            fresh[k] = min(BOOK_CAPACITY, left // 12)
-            cost = 12 * fresh[k]
-        left -= cost
-    by_room: dict[int, list[int]] = {room.number: [] for room in rooms}
-    for k in sorted(chosen):
-        by_room[items[k].room].append(k)
-    for room in rooms:
-        stage.writer.begin(f"{name} room {room.number} ({room.kind})")
-        for k in by_room[room.number]:
-            item = items[k]
-            label = f"{name} room {room.number} {item.thing} {k}"
-            turn = turn_z(item.degrees)
-            stage.put(label, item.thing, item.at, turn)
-            if k in stocked:
-                stage.put(f"{label} books", f"books {stocked[k]}", item.at, turn)
-            elif fresh.get(k):
-                pairs = [(mesh, stage.material(material)) for mesh, material in books(fresh[k], rng)]
-                stage.writer.place(f"{label} books", stage.writer.mesh(f"{label} books", pairs), item.at, turn)
-        stage.writer.end()
-    corridor: NDArray[np.float64] = np.arange(3.0, WIDTH - 2.0, 4.0)
-    stage.writer.begin(f"{name} corridor")
-    for x in corridor.tolist():
-        if stage.cost("ceiling lamp") <= goal - stage.writer.triangles:
-            stage.put(f"{name} corridor lamp {x:g}", "ceiling lamp", (x, 7.5, CLEAR), turn_z(0.0))
-    stage.writer.end()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.scenes import offices
+from jobs.scenes import city, offices, plant
 from jobs.scenes.glb import GlbWriter, y_up
 from jobs.scenes.stage import Progress, Recipe, Stage, Walk
 from storage.errors import ParameterError
@@ -29,7 +29,9 @@ class _Kind:
 
 
 _KINDS = {
+    "city": _Kind(city.build, city.walk, city.RECIPES),
     "offices": _Kind(offices.build, offices.walk, offices.RECIPES),
+    "plant": _Kind(plant.build, plant.walk, plant.RECIPES),
 }
 KINDS = tuple(sorted(_KINDS))
 

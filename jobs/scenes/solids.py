@@ -6,9 +6,10 @@ Every function makes all of its solids at once; none loops over triangles.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,13 +52,36 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
+def _cross(a: Floats, b: Floats) -> Floats:
+    """The cross product along the last axis (numpy's own costs several times as much on short arrays)."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+@lru_cache(maxsize=4096)
 def turn_z(degrees: float) -> Floats:
     """The rotation (3, 3) about the vertical axis; exact for multiples of 90 degrees."""
     quarter, rest = divmod(degrees, 90.0)
     cosine, sine = (1.0, 0.0) if rest == 0 else (float(np.cos(np.radians(rest))), float(np.sin(np.radians(rest))))
     for _ in range(int(quarter) % 4):
         cosine, sine = -sine, cosine
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + 0.0
+    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) + 0.0
+    matrix.flags.writeable = False
+    return matrix
+
+
+def copies(mesh: Mesh, shifts: ArrayLike) -> Mesh:
+    """The mesh at each of `shifts` (k, 3), as one mesh."""
+    offsets = np.asarray(shifts, np.float64).reshape(-1, 1, 3)
+    count = len(offsets)
+    positions = (mesh.positions + offsets).reshape(-1, 3)
+    return Mesh(positions, _tiled(mesh.normals, count), _repeat(mesh.triangles, count, len(mesh.positions)))
+
+
+def _tiled(rows: Floats, count: int) -> Floats:
+    """`rows` (n, 3) repeated `count` times: (count * n, 3)."""
+    return np.broadcast_to(rows, (count, *rows.shape)).reshape(-1, 3)
 
 
 def _repeat(pattern: NDArray[np.uint32], count: int, stride: int) -> NDArray[np.uint32]:
@@ -92,10 +116,10 @@ def _box_pattern() -> tuple[NDArray[np.uint8], Floats, NDArray[np.uint32]]:
 def boxes(lo: ArrayLike, hi: ArrayLike) -> Mesh:
     """Boxes with the corners `lo` and `hi` (k, 3): 12 triangles each. Equal coordinates stay equal exactly."""
     corners, normals, triangles = _box_pattern()
-    ends = np.stack([np.asarray(lo, np.float64).reshape(-1, 3), np.asarray(hi, np.float64).reshape(-1, 3)])
-    positions = np.stack([ends[corners[:, axis], :, axis] for axis in range(3)], axis=-1).transpose(1, 0, 2)
-    count = ends.shape[1]
-    return Mesh(positions.reshape(-1, 3), np.tile(normals, (count, 1)), _repeat(triangles, count, 24))
+    ends = np.stack([np.asarray(lo, np.float64).reshape(-1, 3), np.asarray(hi, np.float64).reshape(-1, 3)], axis=1)
+    positions = ends[:, corners, np.arange(3)].reshape(-1, 3)
+    count = len(ends)
+    return Mesh(positions, _tiled(normals, count), _repeat(triangles, count, 24))
 
 
 def turned_boxes(centres: ArrayLike, halves: ArrayLike, axes: ArrayLike) -> Mesh:
@@ -114,14 +138,15 @@ def turned_boxes(centres: ArrayLike, halves: ArrayLike, axes: ArrayLike) -> Mesh
 # -------------------------------------------------------------------------------------------------- prisms
 
 
-def _ears(outline: Floats) -> NDArray[np.uint32]:
-    """Triangles (p - 2, 3) of a simple counter-clockwise polygon (p, 2), by ear clipping."""
+@cache
+def _ears(outline: tuple[tuple[float, float], ...]) -> NDArray[np.uint32]:
+    """Triangles (p - 2, 3) of a simple counter-clockwise polygon of p points, by ear clipping."""
     left = list(range(len(outline)))
     triangles = []
 
     def side(a: int, b: int, c: int) -> float:
         (ax, ay), (bx, by), (cx, cy) = outline[a], outline[b], outline[c]
-        return float((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+        return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
     while len(left) > 3:
         best = (-1.0, 0)
@@ -132,8 +157,8 @@ def _ears(outline: Floats) -> NDArray[np.uint32]:
                 side(a, b, p) >= 0 and side(b, c, p) >= 0 and side(c, a, p) >= 0 for p in left if p not in (a, b, c)
             ):
                 continue
-            edges = [np.linalg.norm(outline[p] - outline[q]) for p, q in ((a, b), (b, c), (c, a))]
-            best = max(best, (area / float(max(edges)) ** 2, i))
+            longest = max(math.dist(outline[p], outline[q]) for p, q in ((a, b), (b, c), (c, a)))
+            best = max(best, (area / longest**2, i))
         i = best[1]
         triangles.append((left[i - 1], left[i], left[(i + 1) % len(left)]))
         del left[i]
@@ -165,7 +190,7 @@ def prisms(outline: ArrayLike, origins: ArrayLike, axes: ArrayLike, lengths: Arr
         [np.repeat(out, 4, axis=0), np.tile([0.0, 0.0, -1.0], (points, 1)), np.tile([0.0, 0.0, 1.0], (points, 1))]
     )
     quads = np.arange(4 * points, dtype=np.uint32).reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-    cap = _ears(ring)
+    cap = _ears(tuple((x, y) for x, y in ring.tolist()))
     triangles = np.concatenate([quads, cap[:, ::-1] + np.uint32(4 * points), cap + np.uint32(5 * points)])
     local = flat[None] + far[None, :, None] * length[:, None, None] * np.array([0.0, 0.0, 1.0])
     positions = start[:, None] + np.einsum("kij,knj->kni", frame, local)
@@ -187,9 +212,9 @@ def frames_along(directions: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Floa
     high = np.broadcast_to(np.asarray(up, np.float64), along.shape)
     steep = np.abs(np.sum(along * high, axis=1)) > 0.999
     high = np.where(steep[:, None], np.array([0.0, 1.0, 0.0]), high)
-    first = np.cross(high, along)
+    first = _cross(high, along)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(along, first), along], axis=-1)
+    return np.stack([first, _cross(along, first), along], axis=-1)
 
 
 def beams(starts: ArrayLike, ends: ArrayLike, outline: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Mesh:
@@ -202,6 +227,17 @@ def beams(starts: ArrayLike, ends: ArrayLike, outline: ArrayLike, up: ArrayLike 
 # --------------------------------------------------------------------------------------- plates with openings
 
 _PLATE_AXES = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}
+_PLATE_CORNERS = np.array(  # per kind of face (front, back, +u, -u, +v, -v) its corners: steps in u, v and w
+    [
+        [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
+        [(0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0)],
+        [(1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)],
+        [(0, 0, 1), (0, 1, 1), (0, 1, 0), (0, 0, 0)],
+        [(1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1)],
+        [(1, 0, 1), (0, 0, 1), (0, 0, 0), (1, 0, 0)],
+    ]
+)
+_PLATE_NORMALS = np.array([(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
 
 
 def plate(axis: str, us: ArrayLike, vs: ArrayLike, solid: ArrayLike, near: float, far: float) -> Mesh:
@@ -210,46 +246,22 @@ def plate(axis: str, us: ArrayLike, vs: ArrayLike, solid: ArrayLike, near: float
     `us`, `vs`: ascending grid lines along the other two axes in their order (x before y before z);
     `solid` (len(us) - 1, len(vs) - 1) bool.
     """
-    u_axis, v_axis, w_axis = _PLATE_AXES[axis]
-    u, v = np.asarray(us, np.float64), np.asarray(vs, np.float64)
     filled = np.asarray(solid, bool)
     padded = np.pad(filled, 1)
-    i, j = np.nonzero(filled)
-    ones = np.ones(len(i))
-    quads: list[Floats] = []
-    normals: list[Floats] = []
-
-    def face(corners: Sequence[tuple[Floats, Floats, Floats]], normal: tuple[float, float, float]) -> None:
-        quads.append(np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1))
-        normals.append(np.tile(normal, (4 * len(corners[0][0]), 1)))
-
-    u0, u1, v0, v1, w0, w1 = u[i], u[i + 1], v[j], v[j + 1], near * ones, far * ones
-    face([(u0, v0, w1), (u1, v0, w1), (u1, v1, w1), (u0, v1, w1)], (0.0, 0.0, 1.0))
-    face([(u0, v0, w0), (u0, v1, w0), (u1, v1, w0), (u1, v0, w0)], (0.0, 0.0, -1.0))
-    for du, dv in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        edge = filled & ~padded[1 + du : padded.shape[0] - 1 + du, 1 + dv : padded.shape[1] - 1 + dv]
-        i, j = np.nonzero(edge)
-        if not len(i):
-            continue
-        w0, w1 = np.full(len(i), near), np.full(len(i), far)
-        normal = (float(du), float(dv), 0.0)
-        if du:
-            at = u[i + (du > 0)]
-            ring = [(at, v[j], w0), (at, v[j + 1], w0), (at, v[j + 1], w1), (at, v[j], w1)]
-            face(ring if du > 0 else ring[::-1], normal)
-        else:
-            at = v[j + (dv > 0)]
-            ring = [(u[i + 1], at, w0), (u[i], at, w0), (u[i], at, w1), (u[i + 1], at, w1)]
-            face(ring if dv > 0 else ring[::-1], normal)
-    local = np.concatenate(quads).reshape(-1, 3)
-    local_normals = np.concatenate(normals)
-    positions, turned = np.empty_like(local), np.empty_like(local)
-    order = (u_axis, v_axis, w_axis)
-    positions[:, order] = local
-    turned[:, order] = local_normals
+    inner = padded[1:-1, 1:-1]
+    bare = [padded[2:, 1:-1], padded[:-2, 1:-1], padded[1:-1, 2:], padded[1:-1, :-2]]  # the neighbours to +u, -u, +v, -v
+    faces = np.stack([inner, inner, *(inner & ~beside for beside in bare)])
+    kind, i, j = np.nonzero(faces)
+    corners, normals = _PLATE_CORNERS[kind], _PLATE_NORMALS[kind]
+    order = _PLATE_AXES[axis]
+    positions, turned = np.empty((2, len(kind), 4, 3))
+    positions[..., order[0]] = np.asarray(us, np.float64)[i[:, None] + corners[..., 0]]
+    positions[..., order[1]] = np.asarray(vs, np.float64)[j[:, None] + corners[..., 1]]
+    positions[..., order[2]] = np.array([near, far])[corners[..., 2]]
+    turned[..., order] = normals[:, None]
     winding = [0, 1, 2, 0, 2, 3] if axis != "y" else [0, 2, 1, 0, 3, 2]
-    triangles = np.arange(len(local), dtype=np.uint32).reshape(-1, 4)[:, winding].reshape(-1, 3)
-    return Mesh(positions, turned, triangles)
+    triangles = np.arange(4 * len(kind), dtype=np.uint32).reshape(-1, 4)[:, winding].reshape(-1, 3)
+    return Mesh(positions.reshape(-1, 3), turned.reshape(-1, 3), triangles)
 
 
 def openings(
@@ -275,38 +287,36 @@ def lathe(profile: ArrayLike, sectors: int, crease: float = 40.0) -> Mesh:
     counter-clockwise in the radius-height plane). Corners sharper than `crease` degrees get split normals.
     """
     line = np.asarray(profile, np.float64)
-    step = np.diff(line, axis=0)
+    step = line[1:] - line[:-1]
     out = np.stack([step[:, 1], -step[:, 0]], axis=1)
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    smooth = np.sum(out[1:] * out[:-1], axis=1) > np.cos(np.radians(crease))
+    out /= np.sqrt(np.sum(out * out, axis=1, keepdims=True))
+    sharp = np.sum(out[1:] * out[:-1], axis=1) <= math.cos(math.radians(crease))
+    point = np.repeat(np.arange(len(line)), np.concatenate([[1], 1 + sharp, [1]]))  # of every ring of vertices
+    joined = point[1:] != point[:-1]  # a strip of triangles joins a ring to the next one
+    blend = np.zeros((len(point), 2))
+    blend[:-1][joined] += out[point[:-1][joined]]
+    blend[1:][joined] += out[point[:-1][joined]]
+    blend /= np.sqrt(np.sum(blend * blend, axis=1, keepdims=True))
     angle = np.arange(sectors) * (2 * np.pi / sectors)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    positions, normals, triangles = [], [], []
-    first = 0
-    base = 0
-    for last in [*(np.nonzero(~smooth)[0] + 1).tolist(), len(step)]:
-        run = line[first : last + 1]
-        sides = out[first:last]
-        blend = np.concatenate([sides[:1], sides[1:] + sides[:-1], sides[-1:]])
-        blend /= np.linalg.norm(blend, axis=1, keepdims=True)
-        rings = len(run)
-        ring_positions = np.empty((rings, sectors, 3))
-        ring_positions[..., :2] = run[:, None, :1] * circle
-        ring_positions[..., 2] = run[:, 1:]
-        ring_normals = np.empty((rings, sectors, 3))
-        ring_normals[..., :2] = blend[:, None, :1] * circle
-        ring_normals[..., 2] = blend[:, 1:]
-        index = base + np.arange(rings * sectors, dtype=np.uint32).reshape(rings, sectors)
-        following = np.roll(index, -1, axis=1)
-        a, b, c, d = index[:-1], following[:-1], following[1:], index[1:]
-        low = np.stack([a, b, c], axis=-1)[run[:-1, 0] > 0]
-        high = np.stack([a, c, d], axis=-1)[run[1:, 0] > 0]
-        triangles += [low.reshape(-1, 3), high.reshape(-1, 3)]
-        positions.append(ring_positions.reshape(-1, 3))
-        normals.append(ring_normals.reshape(-1, 3))
-        base += rings * sectors
-        first = last
-    return Mesh(np.concatenate(positions), np.concatenate(normals), np.concatenate(triangles).astype(np.uint32))
+    positions, normals = np.empty((2, len(point), sectors, 3))
+    for array, values in ((positions, line[point]), (normals, blend)):
+        array[..., :2] = values[:, None, :1] * circle
+        array[..., 2] = values[:, 1:]
+    strip = np.nonzero(joined)[0]
+    low = _quads(strip[line[point[strip], 0] > 0], sectors)[:, [0, 1, 2]]
+    high = _quads(strip[line[point[strip + 1], 0] > 0], sectors)[:, [0, 2, 3]]
+    triangles = np.concatenate([low, high]).astype(np.uint32)
+    return Mesh(positions.reshape(-1, 3), normals.reshape(-1, 3), triangles)
+
+
+def _quads(rings: NDArray[np.int64], sectors: int) -> NDArray[np.int64]:
+    """Corners (k * sectors, 4) of the quads from each of `rings` (k,) to the following ring of `sectors` vertices."""
+    here = rings[:, None] * sectors
+    at = np.arange(sectors)
+    following = np.where(at + 1 < sectors, at + 1, 0)
+    corners = np.stack([here + at, here + following, here + following + sectors, here + at + sectors], axis=-1)
+    return corners.reshape(-1, 4)
 
 
 def cylinders(starts: ArrayLike, ends: ArrayLike, radii: ArrayLike, sides: int) -> Mesh:
@@ -327,33 +337,34 @@ def tubes(routes: ArrayLike, radii: ArrayLike, bend: float, sides: int, bend_ste
     legs = np.diff(points, axis=1)
     legs = legs / np.linalg.norm(legs, axis=2, keepdims=True)
     across = frames_along(legs[:, 0])[:, :, 0]
-    centres = [points[:, 0]]
-    crosses = [across]
-    alongs = [legs[:, 0]]
+    centres = [points[:, :1]]
+    crosses = [across[:, None]]
+    alongs = [legs[:, :1]]
     for k in range(1, corners - 1):
         before, after = legs[:, k - 1], legs[:, k]
-        axis = np.cross(before, after)
+        axis = _cross(before, after)
         sine = np.linalg.norm(axis, axis=1, keepdims=True)
         axis /= sine
         turn = np.arctan2(sine[:, 0], np.sum(before * after, axis=1))
         size = bend * radius
         start = points[:, k] - before * (size * np.tan(turn / 2))[:, None]
-        inward = np.cross(axis, before)
+        inward = _cross(axis, before)
         middle = start + inward * size[:, None]
         kept = np.sum(across * axis, axis=1, keepdims=True)
         turning = np.sum(across * inward, axis=1, keepdims=True)
-        for step in range(bend_steps + 1):
-            angle = (turn * (step / bend_steps))[:, None]
-            cosine, sine_step = np.cos(angle), np.sin(angle)
-            centres.append(middle - (inward * cosine - before * sine_step) * size[:, None])
-            crosses.append(axis * kept + (inward * cosine - before * sine_step) * turning)
-            alongs.append(before * cosine + inward * sine_step)
-        across = crosses[-1]
-    centres.append(points[:, -1])
-    crosses.append(across)
-    alongs.append(legs[:, -1])
-    centre, first, along = (np.stack(rows, axis=1) for rows in (centres, crosses, alongs))
-    second = np.cross(along, first)
+        angle = turn[:, None, None] * (np.arange(bend_steps + 1) / bend_steps)[:, None]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        inward, before, axis = inward[:, None], before[:, None], axis[:, None]
+        out = inward * cosine - before * sine
+        centres.append(middle[:, None] - out * size[:, None, None])
+        crosses.append(axis * kept[:, None] + out * turning[:, None])
+        alongs.append(before * cosine + inward * sine)
+        across = crosses[-1][:, -1]
+    centres.append(points[:, -1:])
+    crosses.append(across[:, None])
+    alongs.append(legs[:, -1:])
+    centre, first, along = (np.concatenate(rows, axis=1) for rows in (centres, crosses, alongs))
+    second = _cross(along, first)
     rings = centre.shape[1]
     angle = np.arange(sides) * (2 * np.pi / sides)
     out = (
@@ -363,14 +374,11 @@ def tubes(routes: ArrayLike, radii: ArrayLike, bend: float, sides: int, bend_ste
     positions = np.concatenate([shell.reshape(count, -1, 3), shell[:, 0], shell[:, -1]], axis=1)
     ends = [np.broadcast_to(way[:, None], (count, sides, 3)) for way in (-along[:, 0], along[:, -1])]
     normals = np.concatenate([out.reshape(count, -1, 3), *ends], axis=1)
-    index = np.arange(rings * sides, dtype=np.uint32).reshape(rings, sides)
-    following = np.roll(index, -1, axis=1)
-    a, b, c, d = index[:-1], following[:-1], following[1:], index[1:]
-    wall = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)], axis=2).reshape(-1, 3)
-    fan = np.arange(1, sides - 1, dtype=np.uint32)
+    wall = _quads(np.arange(rings - 1), sides)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    fan = np.arange(1, sides - 1)
     cap = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
     total = rings * sides
-    pattern = np.concatenate([wall, cap[:, ::-1] + np.uint32(total), cap + np.uint32(total + sides)])
+    pattern = np.concatenate([wall, cap[:, ::-1] + total, cap + total + sides])
     return Mesh(
         positions.reshape(-1, 3), normals.reshape(-1, 3), _repeat(pattern.astype(np.uint32), count, total + 2 * sides)
     )

@@ -26,6 +26,7 @@ PALETTE: dict[str, tuple[tuple[float, float, float], float, float]] = {  # base 
     "brick": ((0.62, 0.33, 0.25), 0.0, 0.9),
     "brass": ((0.75, 0.60, 0.30), 0.8, 0.4),
     "carpet": ((0.38, 0.42, 0.48), 0.0, 1.0),
+    "carpet light": ((0.55, 0.57, 0.56), 0.0, 1.0),
     "ceramic": ((0.93, 0.93, 0.91), 0.0, 0.3),
     "concrete": ((0.66, 0.65, 0.62), 0.0, 0.9),
     "cream": ((0.90, 0.85, 0.74), 0.0, 0.8),
@@ -110,8 +111,9 @@ class Stage:
         self.writer.place(name, self._stock[thing], at, turn, scale)
 
     def add(self, name: str, mesh: Mesh, material: str) -> None:
-        """Write a mesh of its own and place it where it is."""
-        self.writer.add(name, mesh, self.material(material))
+        """Write a mesh of its own, unless it is empty, and place it where it is."""
+        if mesh.count:
+            self.writer.add(name, mesh, self.material(material))
 
     def report(self) -> None:
         """Tell the progress callback how far the scene is."""

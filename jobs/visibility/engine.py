@@ -13,6 +13,13 @@ from jobs.visibility import back_faces, item_buffer, occludees, occluders
 from jobs.visibility.soup import Soup
 
 
+#: The corners of the cell, those of a tetrahedron first.
+PROOF_CORNERS = (
+    (-1.0, -1.0, -1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0), (-1.0, 1.0, 1.0),
+    (1.0, 1.0, 1.0), (-1.0, -1.0, 1.0), (-1.0, 1.0, -1.0), (1.0, -1.0, -1.0),
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class EngineSettings:
     """How hard the engine tries; every setting is safe, they only trade time for tightness."""
@@ -22,6 +29,7 @@ class EngineSettings:
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
     proof_resolution: int = 128  # pixels along the edge of an item buffer's cube face; 0: prove nothing
+    proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
 
     #: Part of the task keys: change it whenever results may change.
     version: int = 1
@@ -118,8 +126,8 @@ class Engine:
         reported[visible] = True
         triangles = np.flatnonzero(reported[soup.triangle_drawable])
         seen = np.zeros(len(soup.drawables), np.bool_)
-        for corner in np.ndindex(2, 2, 2):
-            eye = np.where(np.array(corner) == 1, 1.0, -1.0) * (1 - 1e-9)
+        for corner in PROOF_CORNERS[: self.settings.proof_points]:
+            eye = np.array(corner) * (1 - 1e-9)
             item_buffer.see(
                 self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, eye,
                 self.settings.proof_resolution, seen,

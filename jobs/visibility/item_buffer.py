@@ -50,7 +50,10 @@ def see(
             )
             if facing >= 0:
                 continue
+        only = _face_of(moved)
         for face in range(6):
+            if only >= 0 and face != only:
+                continue
             n, _, _ = clip_triangle(moved, 0, 1, 2, face, resolution, polygon)
             if n == 0:
                 continue
@@ -79,3 +82,17 @@ def see(
             for i in range(resolution):
                 if item[face, j, i] >= 0:
                     seen[item[face, j, i]] = True
+
+
+@njit(cache=True, nogil=True)
+def _face_of(corners: np.ndarray) -> int:
+    """The one face whose pyramid holds all three corners (3, 3), or -1."""
+    face = -1
+    for i in range(3):
+        x, y, z = abs(corners[i, 0]), abs(corners[i, 1]), abs(corners[i, 2])
+        axis = 0 if x >= y and x >= z else (1 if y >= z else 2)
+        mine = 2 * axis + (1 if corners[i, axis] < 0 else 0)
+        if i and mine != face:
+            return -1
+        face = mine
+    return face

@@ -34,11 +34,14 @@ import numpy as np
 from numba import njit
 
 from jobs.visibility.cube_faces import (
+    NEAR,
+    box_image,
     clip_triangle,
     inflate_edge,
     inverse_depth_plane,
     strip_extent,
     sweep_range,
+    to_face,
 )
 from jobs.visibility.occludees import box_hidden
 
@@ -136,6 +139,9 @@ def cover(
     epoch = 0
     core = np.empty(m + 1, np.int32)
     flood = np.empty(largest_set + 4, np.int32)
+    drawn = np.empty(largest_set + 4, np.int32)
+    images = np.empty((3, 4), np.float64)
+    half = 0.5 * resolution
     unsafe = np.empty((3 * (largest_set + 4), 2), np.int32)
     polygon = np.empty((4, 2), np.float64)
     sweep = np.empty((2, 8), np.float64)
@@ -202,16 +208,49 @@ def cover(
                         seen[core[k]] = epoch
                         n_flood += 1
                 n_unsafe = 0
+                n_drawn = 0
                 window_u0, window_u1, window_v0, window_v1 = float(i0), i1 + 1.0, float(j0), j1 + 1.0
                 head = 0
                 while head < n_flood:
                     t = flood[head]
                     head += 1
+                    ahead = True
+                    least_u, most_u, least_v, most_v = np.inf, -np.inf, np.inf, -np.inf
                     for i in range(3):
-                        a, b = triangles[t, i], triangles[t, (i + 1) % 3]
+                        u, v, z = to_face(q, triangles[t, i], face)
+                        if z < NEAR:
+                            ahead = False
+                            break
+                        images[i, 0], images[i, 1], images[i, 2], images[i, 3] = box_image(u, v, z, 1.0, half)
+                        least_u, most_u = min(least_u, u / z), max(most_u, u / z)
+                        least_v, most_v = min(least_v, v / z), max(most_v, v / z)
+                    if (
+                        not ahead
+                        or (
+                            least_u * half + half - 1e-3 <= window_u1 and most_u * half + half + 1e-3 >= window_u0
+                            and least_v * half + half - 1e-3 <= window_v1 and most_v * half + half + 1e-3 >= window_v0
+                        )
+                    ):  # fmt: skip
+                        drawn[n_drawn] = t
+                        n_drawn += 1
+                    for i in range(3):
+                        k = (i + 1) % 3
+                        a, b = triangles[t, i], triangles[t, k]
                         touches = False
-                        n_sweeps = inflate_edge(q, a, b, face, resolution, np.inf, sweep)
+                        if ahead:
+                            for side_of_rectangle in range(4):
+                                sweep[0, side_of_rectangle] = images[i, side_of_rectangle]
+                                sweep[0, 4 + side_of_rectangle] = images[k, side_of_rectangle]
+                            n_sweeps = 1
+                        else:
+                            n_sweeps = inflate_edge(q, a, b, face, resolution, np.inf, sweep)
                         for k in range(n_sweeps):
+                            if (
+                                min(sweep[k, 0], sweep[k, 4]) > window_u1 or max(sweep[k, 1], sweep[k, 5]) < window_u0
+                                or min(sweep[k, 2], sweep[k, 6]) > window_v1
+                                or max(sweep[k, 3], sweep[k, 7]) < window_v0
+                            ):  # fmt: skip
+                                continue
                             t0, t1 = sweep_range(sweep[k], window_u0, window_u1, window_v0, window_v1)
                             if t0 <= t1:
                                 touches = True
@@ -259,8 +298,8 @@ def cover(
                         break
                 if not alive:
                     continue
-                for k in range(n_flood):
-                    t = flood[k]
+                for k in range(n_drawn):
+                    t = drawn[k]
                     _draw_triangle(
                         q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
                         i0, i1, j0, j1, polygon, local, inside,

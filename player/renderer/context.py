@@ -8,22 +8,20 @@ before 4.5 without ARB_clip_control, macOS), depth is the usual one with a near 
 from __future__ import annotations
 
 import ctypes
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import moderngl
 
-from storage.errors import MissingDependencyError, VlodError
+from player.errors import GraphicsError
+from storage.errors import MissingDependencyError
 
 _LOWER_LEFT = 0x8CA1
 _ZERO_TO_ONE = 0x935F
 _NEGATIVE_ONE_TO_ONE = 0x935E
 _RENDERBUFFER = 0x8D41
 _DEPTH_COMPONENT32F = 0x8CAC
-
-
-class GraphicsError(VlodError, RuntimeError):
-    """OpenGL is missing or too old. The message says what to install."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +55,15 @@ class _EntryPoints:
 
 
 def _entry_points(context: moderngl.Context) -> _EntryPoints | None:
-    if context.version_code < 450 and "GL_ARB_clip_control" not in context.extensions:
-        return None
-    try:
-        return _EntryPoints(context)
-    except (AttributeError, LookupError, OSError):
-        return None
+    """The context's entry points, looked up once; None where it has no clip control."""
+    if context.extra is None:  # moderngl leaves this attribute to its users
+        found: _EntryPoints | None = None
+        if context.version_code >= 450 or "GL_ARB_clip_control" in context.extensions:
+            with suppress(AttributeError, LookupError, OSError):
+                found = _EntryPoints(context)
+        context.extra = (found,)
+    entries: _EntryPoints | None = context.extra[0]
+    return entries
 
 
 def abilities(context: moderngl.Context, *, force_gl33: bool = False, force_plain_depth: bool = False) -> Abilities:

@@ -35,8 +35,8 @@ uint record_index() {
 }
 #endif
 
-vec3 unpack_normal(ivec2 packed) {
-    vec2 e = vec2(packed) * (1.0 / 32767.0);
+vec3 unpack_normal(ivec2 folded) {
+    vec2 e = vec2(folded) * (1.0 / 32767.0);
     vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
     if (n.z < 0.0) {
         n.xy = (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
@@ -93,11 +93,11 @@ void main() {
 
     vec3 albedo = v_colour * v_colour;  // sRGB is close enough to gamma 2
     float sky = 0.5 + 0.5 * dot(normal, u_up);
-    vec3 ambient = mix(vec3(0.27, 0.25, 0.23), vec3(0.50, 0.56, 0.64), sky);
+    vec3 ambient = mix(vec3(0.21, 0.195, 0.18), vec3(0.40, 0.44, 0.50), sky);
     float lamp = max(dot(normal, u_lamp), 0.0);
     float head = max(dot(normal, to_eye), 0.0);
-    vec3 light = ambient + vec3(0.42, 0.40, 0.36) * lamp + vec3(0.26) * head;
-    vec3 shine = vec3(0.035) * pow(head, 32.0);
+    vec3 light = ambient + vec3(0.36, 0.335, 0.30) * lamp + vec3(0.25) * head;
+    vec3 shine = vec3(0.03) * pow(head, 32.0);
     vec3 colour = albedo * light + shine;
     colour = mix(u_horizon, colour, exp(-u_fog * length(v_relative)));
     f_colour = vec4(sqrt(clamp(colour, 0.0, 1.0)), 1.0);

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from player.renderer.context import depth_buffer
+from player.view import View
 
 
 class Target:
@@ -36,8 +39,20 @@ class Target:
         data = self.resolved.read(components=4, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(self.size[1], self.size[0], 4)[::-1].copy()
 
+    def nearest(self, view: View, reversed_depth: bool) -> float:
+        """Distance along the line of sight, in model units, of the nearest surface drawn; infinite if there is none."""
+        depth = np.frombuffer(self.framebuffer.read(components=1, attachment=-1, dtype="f4"), np.float32)
+        if reversed_depth:
+            closest = float(depth.max())
+            return view.near / closest if closest > 0 else math.inf
+        closest = float(depth.min())
+        if closest >= 1:
+            return math.inf
+        return 2 * view.far * view.near / (view.far + view.near - (2 * closest - 1) * (view.far - view.near))
+
     def release(self) -> None:
         """Frees the buffers."""
+        self._context.detect_framebuffer(0).use()  # a framebuffer that is bound must not be deleted
         if self._resolved_colour is not None:
             self.resolved.release()
             self._resolved_colour.release()

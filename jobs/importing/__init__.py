@@ -1,0 +1,13 @@
+"""Model files to parts: meshes without defects, each with one or more placements.
+
+Read in this order:
+
+    model      the imported model: what the rest of the job works on; `import_model` makes one from files
+    saved      how it lies on disk, and how it is written
+    scene      what a reader hands over: meshes as the file has them, placements, unit and up axis
+    read       which reader reads which file; every failure becomes one clear ModelError
+    gltf_file, obj_file, ply_file, stl_file, off_file, dae_file   the readers
+    resources  the other files that a model file names: only those inside its own folder
+    colours    materials and textures become vertex colours
+    repair     defects are removed and counted
+"""

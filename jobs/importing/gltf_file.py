@@ -1,0 +1,392 @@
+"""Reader of glTF 2.0 files (.glb, .gltf).
+
+trimesh decodes the accessors; every declared size is checked against the bytes that are there before. What trimesh leaves
+out is done here: sparse accessors, normalised integers, triangle fans, colour in linear light, several primitives of one
+mesh joined into one, and the node tree multiplied out in float64.
+
+A mesh's primitives are concatenated in the file's order: face k of a mesh is face k - (faces of the primitives before) of
+its primitive. Meshes with equal accessors and materials are one mesh. Skins, morph targets and animations are left at rest.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jobs.importing.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
+from jobs.importing.resources import Resources
+from jobs.importing.saved import IDENTITY
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose
+from storage.errors import ModelError
+
+Json = dict[str, Any]
+
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+#: Extensions without which the geometry cannot be read.
+_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+
+#: The most zeros that an accessor without data may stand for.
+_ZEROS = 1 << 24
+
+
+def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+    """Read a glTF file. Raises ModelError, or whatever damaged content makes the parsers raise."""
+    header, chunk = _unpack(file, content)
+    version = str(header.get("asset", {}).get("version", "2.0"))
+    if not version.startswith("2"):
+        raise ModelError(f"{file}: glTF version {version[:20]}; only version 2 is read, convert the file")
+    for extension in _COMPRESSED:
+        if extension in header.get("extensionsRequired", ()):
+            raise ModelError(f"{file}: compressed with {extension}, which is not read; export it without compression")
+    source = _Source(file, header, _buffers(file, header, chunk, resources), resources)
+    tally = Tally()
+    meshes, index = _meshes(source, tally)
+    return SourceScene(file, meshes, _nodes(header, meshes, index, tally), 1.0, "y", "y", tally)
+
+
+def _unpack(file: Path, content: bytes) -> tuple[Json, bytes | None]:
+    """The JSON header and, in a .glb file, the binary chunk."""
+    if file.suffix.lower() == ".gltf":
+        header = json.loads(content)
+        chunk = None
+    else:
+        if content[:4] != b"glTF":
+            raise ModelError(f"{file}: not a GLB file, it does not start with glTF; check its extension or export it again")
+        if len(content) < 20:
+            raise _cut(file, 20, len(content))
+        version, total, length = (int(n) for n in np.frombuffer(content, "<u4", 3, 4))
+        if version != 2:
+            raise ModelError(f"{file}: GLB version {version}; only version 2 is read, convert the file")
+        if total > len(content) or 20 + length > len(content):
+            raise _cut(file, max(total, 20 + length), len(content))
+        header = json.loads(content[20 : 20 + length])
+        start, chunk = 20 + length, None
+        while start + 8 <= len(content) and chunk is None:
+            length = int.from_bytes(content[start : start + 4], "little")
+            kind = content[start + 4 : start + 8]
+            if start + 8 + length > len(content):
+                raise _cut(file, start + 8 + length, len(content))
+            chunk = content[start + 8 : start + 8 + length] if kind == b"BIN\0" else None
+            start += 8 + length
+    if not isinstance(header, dict) or "asset" not in header:
+        raise ModelError(f"{file}: JSON, but not glTF (it has no asset); check its extension")
+    return header, chunk
+
+
+def _cut(file: Path, expected: int, found: int) -> ModelError:
+    return ModelError(f"{file}: cut short, {found} of {expected} bytes are there; copy or export it again")
+
+
+def _buffers(file: Path, header: Json, chunk: bytes | None, resources: Resources) -> list[bytes]:
+    buffers = []
+    for number, buffer in enumerate(header.get("buffers", ())):
+        uri = buffer.get("uri")
+        data = chunk if uri is None and number == 0 else resources.read(str(uri)) if uri is not None else None
+        if data is None:
+            name = "its binary chunk" if uri is None else f"the buffer {str(uri)[:80]!r}"
+            raise ModelError(f"{file}: {name} is missing; put it into the model's folder, or export the model again")
+        if len(data) < int(buffer["byteLength"]):
+            name = "the binary chunk" if uri is None else f"the buffer {str(uri)[:80]!r}"
+            raise ModelError(
+                f"{file}: {name} is cut short, {len(data)} of {buffer['byteLength']} bytes; copy or export it again"
+            )
+        buffers.append(data)
+    return buffers
+
+
+@dataclass(eq=False)
+class _Source:
+    """A file's content, decoded as it is asked for."""
+
+    file: Path
+    header: Json
+    buffers: list[bytes]
+    resources: Resources
+    _textures: dict[int, Texture | None] = field(default_factory=dict)
+
+    @cached_property
+    def _arrays(self) -> list[np.ndarray]:
+        """Every accessor's values (count, width) as they are stored, decoded by trimesh."""
+        from trimesh.exchange.gltf import load_gltf
+
+        accessors = []
+        for number, accessor in enumerate(self.header.get("accessors", ())):
+            self._check(number, accessor)
+            accessors.append({key: value for key, value in accessor.items() if key != "sparse"})
+        for number, accessor in enumerate(self.header.get("accessors", ())):
+            if "sparse" in accessor:
+                for extra in _patches(accessor):
+                    self._check(number, extra)
+                    accessors.append(extra)
+        if not accessors:
+            return []
+        # a triangle at zero carries all accessors as attributes of its own, which come back untouched
+        place = {"componentType": 5126, "type": "VEC3", "count": 3}
+        attributes = {"POSITION": len(accessors), **{f"_{i}": i for i in range(len(accessors))}}
+        header = {
+            "asset": {"version": "2.0"},
+            "buffers": [{"uri": str(i), "byteLength": len(data)} for i, data in enumerate(self.buffers)],
+            "bufferViews": self.header.get("bufferViews", []),
+            "accessors": [*accessors, place],
+            "meshes": [{"name": "all", "primitives": [{"attributes": attributes}]}],
+        }
+        content = io.BytesIO(json.dumps(header).encode())
+        found = load_gltf(content, resolver={str(i): data for i, data in enumerate(self.buffers)}, skip_materials=True)
+        decoded = found["geometry"]["all"]["vertex_attributes"]
+        arrays = [decoded[f"_{i}"].reshape(accessor["count"], -1) for i, accessor in enumerate(accessors)]
+        patches = iter(range(len(self.header["accessors"]), len(arrays)))
+        for number, accessor in enumerate(self.header["accessors"]):
+            if "sparse" in accessor:
+                arrays[number] = arrays[number].copy()
+                places, values = arrays[next(patches)], arrays[next(patches)]
+                arrays[number][places[:, 0]] = values
+        return arrays
+
+    def _check(self, number: int, accessor: Json) -> None:
+        """Raise ModelError unless all the bytes of an accessor are there."""
+        count = accessor["count"]
+        item = np.dtype(_COMPONENTS[accessor["componentType"]]).itemsize * _WIDTHS[accessor["type"]]
+        if not isinstance(count, int) or count < 0:
+            raise ModelError(f"{self.file}: accessor {number} has the count {count!r}; export the model again")
+        if "bufferView" not in accessor:
+            if count > _ZEROS:
+                raise ModelError(
+                    f"{self.file}: accessor {number} claims {count} items but has no data; export the model again"
+                )
+            return
+        view = self.header["bufferViews"][_at(accessor["bufferView"])]
+        start, length = view.get("byteOffset", 0), view["byteLength"]
+        offset, stride = accessor.get("byteOffset", 0), view.get("byteStride", item)
+        needed = offset + (count - 1) * stride + item if count else 0
+        sane = all(isinstance(n, int) and n >= 0 for n in (start, length, offset)) and isinstance(stride, int) and stride > 0
+        if not sane or needed > length or start + length > len(self.buffers[_at(view["buffer"])]):
+            raise ModelError(
+                f"{self.file}: accessor {number} ({count} items) reaches beyond the file's data; "
+                "the file is damaged or cut short, export it again"
+            )
+
+    def integers(self, accessor: int) -> np.ndarray:
+        """An accessor's values as int64, in one row."""
+        return self._arrays[_at(accessor)].reshape(-1).astype(np.int64)
+
+    def floats(self, accessor: int) -> np.ndarray:
+        """An accessor's values (count, width) as float64; normalised integers become -1 to 1 or 0 to 1."""
+        values = self._arrays[_at(accessor)]
+        if self.header["accessors"][accessor].get("normalized") and values.dtype.kind in "iu":
+            return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
+        return values.astype(np.float64)
+
+    def texture(self, number: int) -> Texture | None:
+        """A texture's image, None if it is missing or cannot be read."""
+        if number not in self._textures:
+            source = self.header["textures"][_at(number)].get("source")
+            image = {} if source is None else self.header["images"][_at(source)]
+            data = None
+            if "bufferView" in image:
+                view = self.header["bufferViews"][_at(image["bufferView"])]
+                start = view.get("byteOffset", 0)
+                data = self.buffers[_at(view["buffer"])][start : start + view["byteLength"]]
+            elif "uri" in image:
+                data = self.resources.read(str(image["uri"]))
+            self._textures[number] = Texture.decode(data)
+        return self._textures[number]
+
+
+def _at(index: Any) -> int:
+    """An index into one of the header's lists; negative ones must not count from the end."""
+    if not isinstance(index, int) or index < 0:
+        raise IndexError(f"index {index!r} is out of range")
+    return index
+
+
+def _patches(accessor: Json) -> list[Json]:
+    """A sparse accessor's places and values, as accessors of their own."""
+    sparse = accessor["sparse"]
+    common = {"count": sparse["count"], "componentType": accessor["componentType"]}
+    return [{**common, "type": "SCALAR", **sparse["indices"]}, {**common, "type": accessor["type"], **sparse["values"]}]
+
+
+def _meshes(source: _Source, tally: Tally) -> tuple[list[SourceMesh], dict[int, int]]:
+    """All meshes, and which of them each mesh of the header is."""
+    meshes: list[SourceMesh] = []
+    index: dict[int, int] = {}
+    known: dict[str, int] = {}
+    for number, entry in enumerate(source.header.get("meshes", ())):
+        name = str(entry.get("name") or f"mesh {number}")
+        key = json.dumps(entry["primitives"], sort_keys=True)
+        if key not in known:
+            mesh = _mesh(source, name, entry["primitives"], tally)
+            if mesh is None:
+                continue
+            known[key] = len(meshes)
+            meshes.append(mesh)
+        index[number] = known[key]
+    return meshes, index
+
+
+def _mesh(source: _Source, name: str, primitives: Sequence[Json], tally: Tally) -> SourceMesh | None:
+    """The primitives of one mesh joined, None if none has triangles."""
+    defects: dict[Defect, int] = {}
+    pieces = []
+    for primitive in primitives:
+        attributes = primitive.get("attributes", {})
+        mode = primitive.get("mode", _TRIANGLES)
+        for extension in _COMPRESSED:
+            if extension in primitive.get("extensions", {}):
+                raise ModelError(f"{source.file}: compressed with {extension}, which is not read; export it without")
+        if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
+            tally.add(Defect.NOT_TRIANGLES, name)
+            continue
+        positions = source.floats(attributes["POSITION"])
+        corners = source.integers(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
+        triangles = _triangles(corners, mode)
+        normals = source.floats(attributes["NORMAL"]) if "NORMAL" in attributes else np.zeros_like(positions)
+        if positions.shape[1] != 3 or normals.shape != positions.shape:
+            raise ModelError(f"{source.file}: mesh {name!r} has positions and normals that do not match; export it again")
+        colours = _colours(source, primitive, positions, triangles, defects)
+        pieces.append((positions, triangles, normals, colours))
+    if not pieces:
+        return None
+    starts = np.cumsum([0, *(len(piece[0]) for piece in pieces[:-1])])
+    # an index out of range must not reach into the next primitive
+    triangles = [
+        np.where((piece[1] >= 0) & (piece[1] < len(piece[0])), piece[1] + start, -1)
+        for piece, start in zip(pieces, starts.tolist(), strict=True)
+    ]
+    return SourceMesh(
+        name,
+        np.concatenate([piece[0] for piece in pieces]),
+        np.concatenate(triangles),
+        np.concatenate([piece[2] for piece in pieces]),
+        np.concatenate([piece[3] for piece in pieces]),
+        defects,
+    )
+
+
+def _triangles(corners: np.ndarray, mode: int) -> np.ndarray:
+    """Triangles (m, 3) of a list, strip or fan. The faces without area that stitch strips together are left out."""
+    if mode == _TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    number = np.arange(max(len(corners) - 2, 0))
+    if mode == _FAN:
+        return corners[np.stack([np.zeros_like(number), number + 1, number + 2], axis=1)]
+    odd = number % 2
+    strip = corners[np.stack([number, number + 1 + odd, number + 2 - odd], axis=1)]
+    a, b, c = strip.T
+    return strip[(a != b) & (b != c) & (c != a)]
+
+
+def _colours(
+    source: _Source, primitive: Json, positions: np.ndarray, triangles: np.ndarray, defects: dict[Defect, int]
+) -> np.ndarray:
+    """Base colour times texture times vertex colour (n, 4) uint8."""
+    attributes = primitive["attributes"]
+    number = primitive.get("material")
+    if number is None and "COLOR_0" not in attributes:
+        return np.broadcast_to(np.array(DEFAULT_COLOUR, np.uint8), (len(positions), 4))
+    surface = {} if number is None else source.header["materials"][_at(number)].get("pbrMetallicRoughness", {})
+    linear = np.ones((len(positions), 4))
+    linear *= np.nan_to_num(np.array(surface.get("baseColorFactor", (1, 1, 1, 1)), np.float64).reshape(4))
+    image = surface.get("baseColorTexture")
+    if image is not None:
+        coordinates = f"TEXCOORD_{image.get('texCoord', 0)}"
+        texture = source.texture(image["index"])
+        if texture is None:
+            defects[Defect.NO_TEXTURE] = defects.get(Defect.NO_TEXTURE, 0) + 1
+        elif coordinates in attributes:
+            places = source.floats(attributes[coordinates])
+            inside = ((triangles >= 0) & (triangles < len(places))).all(axis=1)
+            sampled = texture.sample(_moved(places, image), triangles[inside])
+            linear[:, :3] *= srgb_to_linear(sampled[:, :3])
+            linear[:, 3] *= sampled[:, 3] / 255
+    if "COLOR_0" not in attributes:
+        return from_linear(linear)
+    painted = source.floats(attributes["COLOR_0"])
+    bad = ~np.isfinite(painted).all(axis=1)
+    if bad.any():
+        painted = np.where(bad[:, None], 1.0, painted)
+        defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + int(bad.sum())
+    if _writes_srgb(source.header) and (linear == 1).all():
+        return to_colours(painted)
+    linear[:, : painted.shape[1]] *= painted
+    return from_linear(linear)
+
+
+def _writes_srgb(header: Json) -> bool:
+    """Whether the file's author is trimesh, which stores sRGB vertex colours where glTF wants linear ones."""
+    return "trimesh" in str(header["asset"].get("generator", ""))
+
+
+def _moved(places: np.ndarray, image: Json) -> np.ndarray:
+    """Texture coordinates under KHR_texture_transform."""
+    transform = image.get("extensions", {}).get("KHR_texture_transform")
+    if transform is None:
+        return places
+    angle = float(transform.get("rotation", 0.0))
+    across, down = (float(value) for value in transform.get("scale", (1.0, 1.0)))
+    u, v = places[:, 0] * across, places[:, 1] * down
+    x, y = (float(value) for value in transform.get("offset", (0.0, 0.0)))
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.stack([u * cosine + v * sine + x, v * cosine - u * sine + y], axis=1)
+
+
+def _nodes(header: Json, meshes: Sequence[SourceMesh], index: dict[int, int], tally: Tally) -> list[SourceNode]:
+    """All placements of meshes in the file's scene, depth first."""
+    nodes = header.get("nodes", ())
+    if header.get("scenes"):
+        roots = header["scenes"][_at(header.get("scene", 0))].get("nodes", ())
+    else:
+        children = {child for node in nodes for child in node.get("children", ())}
+        roots = [number for number in range(len(nodes)) if number not in children]
+    placed = []
+    seen: set[int] = set()
+    stack = [(number, IDENTITY) for number in reversed(roots)]
+    while stack:
+        number, parent = stack.pop()
+        node = nodes[_at(number)]
+        if number in seen:  # glTF nodes form a tree
+            tally.add(Defect.BROKEN, str(node.get("name") or f"node {number}"))
+            continue
+        seen.add(number)
+        local = _matrix(node)
+        matrix = local if parent is IDENTITY else parent if local is IDENTITY else compose(parent, local)
+        mesh = index.get(node["mesh"]) if "mesh" in node else None
+        if mesh is not None:
+            name = str(node.get("name") or header["meshes"][node["mesh"]].get("name") or f"node {number}")
+            placed.append(SourceNode(mesh, name, matrix))
+            if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+                tally.add(Defect.UNSUPPORTED, name)
+        stack.extend((child, matrix) for child in reversed(node.get("children", ())))
+    return placed
+
+
+def _matrix(node: Json) -> np.ndarray:
+    """A node's (3, 4) matrix; IDENTITY itself if it has none."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T[:3]
+    if not any(key in node for key in ("translation", "rotation", "scale")):
+        return IDENTITY
+    x, y, z, w = (float(value) for value in node.get("rotation", (0, 0, 0, 1)))
+    norm = math.sqrt(x * x + y * y + z * z + w * w) or 1.0
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    scale = np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
+    shift = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
+    return np.column_stack([rotation * scale, shift])

@@ -1,0 +1,168 @@
+"""The imported model: what the rest of the job works on.
+
+    import_model(inputs, out, options) -> ImportReport    model files to a directory
+    write_model(out, meshes, placements)                  arrays to such a directory
+    open_model(path) -> Model                             the directory, memory-mapped
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
+from storage.errors import ModelError
+from storage.tables import Grid
+
+__all__ = [
+    "MESH",
+    "PART",
+    "ImportOptions",
+    "ImportReport",
+    "MeshView",
+    "Model",
+    "Placement",
+    "import_model",
+    "open_model",
+    "write_model",
+]
+
+Report = Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """An imported model, memory-mapped and read-only. Lengths are in model units. See `jobs.importing.saved`.
+
+    Pickles as its path, so it costs nothing to send to another process on the same file system.
+    """
+
+    path: Path
+    positions: np.ndarray  # (n, 3) float64, local coordinates of each mesh
+    normals: np.ndarray  # (n, 3) float32 unit, zeros where unknown
+    colours: np.ndarray  # (n, 4) uint8 sRGB and alpha
+    triangles: np.ndarray  # (m, 3) uint32, counted from the mesh's first vertex
+    source_faces: np.ndarray  # (m,) uint32
+    meshes: np.ndarray  # MESH (k,)
+    parts: np.ndarray  # PART (p,)
+    names: tuple[str, ...]  # parts["name"] counts into these
+    origin: np.ndarray  # (3,) float64: input coordinates = model coordinates + origin
+    up: str  # "x", "y" or "z"
+    unit_in_metres: float  # length of a model unit in metres
+    lo: np.ndarray  # (3,) float64 box of all parts in model space
+    hi: np.ndarray  # (3,) float64
+    digest: str  # sha256 of everything above
+    triangle_count: int  # triangles of all parts, instances counted as often as they are placed
+    report: Report  # repairs: {defect: {"total": n, "parts": {name: n}}}
+
+    @property
+    def grid(self) -> Grid:
+        """The position grid that fits the model's box."""
+        return Grid.for_extent(float(max(np.abs(self.lo).max(), np.abs(self.hi).max())))
+
+    def mesh(self, index: int) -> MeshView:
+        """One mesh, as views of the mapped arrays."""
+        row = self.meshes[index]
+        v, t = int(row["vertex_start"]), int(row["triangle_start"])
+        vertices, triangles = slice(v, v + int(row["vertices"])), slice(t, t + int(row["triangles"]))
+        return MeshView(
+            self.positions[vertices],
+            self.normals[vertices],
+            self.colours[vertices],
+            self.triangles[triangles],
+            self.source_faces[triangles],
+        )
+
+    def part_name(self, part: int) -> str:
+        """The name that a part bears in the input."""
+        return self.names[int(self.parts["name"][part])]
+
+    def __reduce__(self) -> tuple[Callable[[Path], Model], tuple[Path]]:
+        return open_model, (self.path,)
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What the input files do not say, or say wrongly."""
+
+    units: str | float | None = None  # a unit ("mm", "m", "in", ...) or metres per unit; None: what the first file says
+    up: str | None = None  # axis that points up, "x", "y" or "z"; None: what the first file says
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What an import found and did."""
+
+    files: int  # model files read
+    meshes: int
+    parts: int
+    triangles: int  # of all parts
+    report: Report  # repairs: {defect: {"total": n, "parts": {name: n}}}
+
+
+def open_model(path: Path) -> Model:
+    """Open the imported model in the directory `path`. Raises ModelError if there is none or it is damaged."""
+    try:
+        header = json.loads((path / "model.json").read_text("ascii"))
+        if header["format"] != FORMAT:
+            raise ModelError(f"{path}: an imported model of another version of vLOD; import the files again")
+        arrays = {name: np.load(path / f"{name}.npy", mmap_mode="r") for name in COLUMNS}
+        meshes, parts = np.load(path / "meshes.npy"), np.load(path / "parts.npy")
+        if meshes.dtype != MESH or parts.dtype != PART:
+            raise ValueError("unexpected columns")
+        meshes.flags.writeable = parts.flags.writeable = False
+        return Model(
+            path=path,
+            **arrays,
+            meshes=meshes,
+            parts=parts,
+            names=tuple(header["names"]),
+            origin=np.array(header["origin"], np.float64),
+            up=header["up"],
+            unit_in_metres=float(header["unit_in_metres"]),
+            lo=np.array(header["lo"], np.float64),
+            hi=np.array(header["hi"], np.float64),
+            digest=header["digest"],
+            triangle_count=int(header["triangles"]),
+            report=header["report"],
+        )
+    except FileNotFoundError:
+        raise ModelError(f"{path}: there is no imported model here; import the files first") from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+        if isinstance(error, ModelError):
+            raise
+        raise ModelError(f"{path}: the imported model is damaged ({error}); import the files again") from None
+
+
+def import_model(
+    inputs: Sequence[Path],
+    out: Path,
+    options: ImportOptions | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ImportReport:
+    """Import model files, or folders of them, into the directory `out`, which appears whole or not at all.
+
+    The first file gives model space its frame; the others are scaled and turned into it. `progress(done, total)` counts
+    files, and one last step for writing. Raises ModelError, with one line that names the file, for what cannot be used.
+    """
+    from jobs.importing.join import join_scenes
+    from jobs.importing.read import find_files, read_scene
+
+    options = options or ImportOptions()
+    files = find_files(inputs)
+    tell = progress or (lambda _done, _total: None)
+    scenes = []
+    for done, (file, root) in enumerate(files):
+        tell(done, len(files) + 1)
+        scenes.append(read_scene(file, root))
+    tell(len(files), len(files) + 1)
+    meshes, placements, up, unit, report = join_scenes(scenes, options.units, options.up)
+    write_model(out, meshes, placements, up=up, unit_in_metres=unit, report=report)
+    tell(len(files) + 1, len(files) + 1)
+    triangles = sum(len(meshes[p.mesh].triangles) for p in placements)
+    return ImportReport(len(files), len(meshes), len(placements), triangles, report)

@@ -1,0 +1,153 @@
+"""Defects of one mesh are removed and counted.
+
+Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), without
+area, and faces whose corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are
+counted on their own: exporters that double every face to show both its sides write them, and since surfaces are drawn from
+both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are
+equal in position, normal and colour become one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jobs.importing.colours import DEFAULT_COLOUR
+from jobs.importing.saved import MeshView
+from jobs.importing.scene import Defect, SourceMesh
+
+#: Positions beyond this are taken for garbage: no model needs them, and their squares stay far from overflow.
+FARTHEST = 1e15
+
+#: A face whose height is below this share of its longest edge has no area: what float64 leaves of collinear corners.
+_FLAT = 1e-14
+
+_CHUNK = 1 << 20
+
+
+def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
+    """The mesh without its defects, None if nothing is left; and what was removed (without `mesh.defects`)."""
+    counts: dict[Defect, int] = {}
+    positions = np.ascontiguousarray(mesh.positions, np.float64) + 0.0  # -0 becomes 0
+    triangles = mesh.triangles
+    kept = np.arange(len(triangles))
+
+    def drop(bad: np.ndarray, defect: Defect) -> None:
+        nonlocal kept, triangles
+        count = int(np.count_nonzero(bad))
+        if count:
+            counts[defect] = counts.get(defect, 0) + count
+            kept, triangles = kept[~bad], triangles[~bad]
+
+    drop(((triangles < 0) | (triangles >= len(positions))).any(axis=1), Defect.INDEX)
+    with np.errstate(invalid="ignore"):
+        bad_position = ~(np.abs(positions) <= FARTHEST).all(axis=1)
+    if bad_position.any():
+        drop(bad_position[triangles].any(axis=1), Defect.NOT_FINITE)
+    drop(_without_area(positions, triangles), Defect.NO_AREA)
+    if len(triangles):
+        same, reverse = _repeated(positions, triangles)
+        drop(same | reverse, Defect.DUPLICATE)
+        if reverse.any():
+            counts[Defect.REVERSED] = int(reverse.sum())
+            counts[Defect.DUPLICATE] -= counts[Defect.REVERSED]
+    if not len(triangles):
+        counts[Defect.EMPTY] = 1
+        return None, counts
+    used = np.zeros(len(positions), bool)
+    used[triangles.reshape(-1)] = True
+    normals, lost = _unit_normals(mesh, used)
+    if lost:
+        counts[Defect.NORMAL] = lost
+    colours = mesh.colours if mesh.colours is not None else np.full((len(positions), 4), DEFAULT_COLOUR, np.uint8)
+    vertices, triangles = _compact(positions, normals, colours, used, triangles)
+    counts = {defect: count for defect, count in counts.items() if count}
+    return (
+        MeshView(
+            positions[vertices],
+            normals[vertices],
+            np.ascontiguousarray(colours[vertices], np.uint8),
+            triangles,
+            kept.astype(np.uint32),
+        ),
+        counts,
+    )
+
+
+def first_equal(rows: np.ndarray) -> np.ndarray:
+    """For each row of a C-contiguous (n, k) array of 8-byte items the number of the first row with the same bits."""
+    words = rows.view(np.uint64)
+    with np.errstate(over="ignore"):
+        mixed = np.zeros(len(words), np.uint64)
+        for column in range(words.shape[1]):
+            mixed = (mixed ^ words[:, column]) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+    order = np.argsort(mixed, kind="stable")
+    equal = np.ones(max(len(rows) - 1, 0), bool)
+    for column in range(words.shape[1]):
+        ordered = words[order, column]
+        equal &= ordered[1:] == ordered[:-1]
+    if np.any((mixed[order][1:] == mixed[order][:-1]) & ~equal):  # two different rows share a hash: sort in full
+        order = np.lexsort(words.T[::-1])
+        equal = (words[order[1:]] == words[order[:-1]]).all(axis=1)
+    start = np.concatenate([[0], np.where(equal, 0, np.arange(1, len(rows)))])[: len(rows)]
+    first = np.empty(len(rows), np.int64)
+    first[order] = order[np.maximum.accumulate(start)]
+    return first
+
+
+def _without_area(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    flat = np.empty(len(triangles), bool)
+    for start in range(0, len(triangles), _CHUNK):
+        a, b, c = (positions[triangles[start : start + _CHUNK, corner]] for corner in range(3))
+        edges = np.stack([b - a, c - b, a - c])
+        longest = np.abs(edges).max(axis=(0, 2))
+        edges /= np.where(longest > 0, longest, 1.0)[None, :, None]
+        (x, y, z), (u, v, w) = edges[0].T, edges[1].T
+        i, j, k = y * w - z * v, z * u - x * w, x * v - y * u
+        squares = (edges[..., 0] ** 2 + edges[..., 1] ** 2) + edges[..., 2] ** 2
+        flat[start : start + _CHUNK] = ((i * i + j * j) + k * k) <= (_FLAT * squares.max(axis=0)) ** 2
+    return flat
+
+
+def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which faces repeat an earlier one by the positions of their corners: with the same winding, with the opposite."""
+    corners = first_equal(positions)[triangles]
+    a, b, c = corners.T
+    turned = (a < b) ^ (b < c) ^ (c < a)
+    first = first_equal(np.sort(corners, axis=1))
+    repeated = first != np.arange(len(first))
+    opposite = turned != turned[first]
+    return repeated & ~opposite, repeated & opposite
+
+
+def _unit_normals(mesh: SourceMesh, used: np.ndarray) -> tuple[np.ndarray, int]:
+    """Unit normals, zeros where the file gave none or none that has a direction; and how many used ones those are."""
+    if mesh.normals is None or len(mesh.normals) != len(used):
+        return np.zeros((len(used), 3), np.float32), 0
+    normals = np.array(mesh.normals, np.float64)
+    given = (normals != 0).any(axis=1)
+    bad = ~np.isfinite(normals).all(axis=1)
+    normals[bad] = 0
+    largest = np.abs(normals).max(axis=1, initial=0.0)
+    normals /= np.where(largest > 0, largest, 1.0)[:, None]
+    length = np.sqrt((normals[:, 0] ** 2 + normals[:, 1] ** 2) + normals[:, 2] ** 2)
+    normals /= np.where(length > 0, length, 1.0)[:, None]
+    return normals.astype(np.float32) + np.float32(0), int(np.count_nonzero(given & bad & used))
+
+
+def _compact(
+    positions: np.ndarray, normals: np.ndarray, colours: np.ndarray, used: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices to keep, in their order, and the triangles between them."""
+    rows = np.zeros((len(positions), 5), np.float64)
+    rows[:, :3] = positions
+    rest = rows[:, 3:].view(np.uint32)
+    rest[:, :3] = normals.view(np.uint32)
+    rest[:, 3] = np.ascontiguousarray(colours, np.uint8).view(np.uint32)[:, 0]
+    used_rows = np.flatnonzero(used)
+    first = np.zeros(len(positions), np.int64)
+    first[used_rows] = used_rows[first_equal(np.ascontiguousarray(rows[used_rows]))]
+    keep = used_rows[first[used_rows] == used_rows]
+    number = np.zeros(len(positions), np.uint32)
+    number[keep] = np.arange(len(keep), dtype=np.uint32)
+    return keep, number[first[triangles]]

@@ -1,0 +1,306 @@
+"""An imported model on disk: a directory of arrays, written once, whole or not at all.
+
+    positions.npy     float64 (n, 3)  all meshes' vertices, each mesh in its own local coordinates
+    normals.npy       float32 (n, 3)  unit length; zeros where the file gave none
+    colours.npy       uint8 (n, 4)    red, green, blue, alpha; sRGB
+    triangles.npy     uint32 (m, 3)   vertex indices, counted from the mesh's first vertex
+    source_faces.npy  uint32 (m,)     face number within the mesh as it was loaded, before any repair
+    meshes.npy        MESH            where each mesh lies in the arrays above
+    parts.npy         PART            placements of meshes in model space
+    model.json        names, frame, box, digest, report of repairs
+
+Model space is the frame of the (first) input file minus `origin`. A mesh that is placed once is *baked*: its positions are
+model-space positions and its part is an identity. A mesh that is placed twice or more stays in local coordinates, moved
+near their origin if they lie far from it; its parts carry matrices, which may mirror.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from storage.errors import ModelError
+from storage.tables import transform_points
+
+MESH = np.dtype(
+    [
+        ("vertex_start", "<u8"),
+        ("vertices", "<u8"),
+        ("triangle_start", "<u8"),
+        ("triangles", "<u8"),
+    ]
+)
+
+PART = np.dtype(
+    [
+        ("mesh", "<u4"),  # index into MESH
+        ("name", "<u4"),  # index into model.json's names
+        ("matrix", "<f8", (3, 4)),  # local to model space
+        ("identity", "?"),  # the mesh lies in model space already
+    ]
+)
+
+#: The arrays per vertex and per triangle, with dtype and columns.
+COLUMNS = {
+    "positions": ("<f8", 3),
+    "normals": ("<f4", 3),
+    "colours": ("|u1", 4),
+    "triangles": ("<u4", 3),
+    "source_faces": ("<u4", 0),
+}
+
+#: Format number of the directory.
+FORMAT = 1
+
+IDENTITY = np.eye(3, 4)
+
+#: Coordinates farther than this many extents from zero are brought near it by an origin.
+_FAR = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class MeshView:
+    """One mesh. Lengths are in local units."""
+
+    positions: np.ndarray  # (n, 3) float64
+    normals: np.ndarray  # (n, 3) float32 unit, zeros where unknown
+    colours: np.ndarray  # (n, 4) uint8 sRGB and alpha
+    triangles: np.ndarray  # (m, 3) uint32 into positions
+    source_faces: np.ndarray  # (m,) uint32 face number in the mesh as it was loaded
+
+    @staticmethod
+    def of(
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        *,
+        normals: np.ndarray | None = None,
+        colours: np.ndarray | None = None,
+        source_faces: np.ndarray | None = None,
+    ) -> MeshView:
+        """A mesh with defaults for what is not given: no normals, opaque light grey, faces numbered in order."""
+        n, m = len(positions), len(triangles)
+        return MeshView(
+            np.ascontiguousarray(positions, np.float64).reshape(n, 3),
+            np.zeros((n, 3), np.float32) if normals is None else np.ascontiguousarray(normals, np.float32),
+            np.full((n, 4), (204, 204, 204, 255), np.uint8)
+            if colours is None
+            else np.ascontiguousarray(colours, np.uint8),
+            np.ascontiguousarray(triangles, np.uint32).reshape(m, 3),
+            np.arange(m, dtype=np.uint32) if source_faces is None else np.ascontiguousarray(source_faces, np.uint32),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A named mesh placed in the frame of the input file."""
+
+    mesh: int  # index into the list of meshes
+    name: str
+    matrix: np.ndarray  # (3, 4) float64, local units to model units; identity for a mesh placed as it is
+
+
+def write_model(
+    out: Path,
+    meshes: Sequence[MeshView],
+    placements: Sequence[Placement] | None = None,
+    *,
+    up: str = "z",
+    unit_in_metres: float = 1.0,
+    report: Mapping[str, Any] | None = None,
+) -> None:
+    """Write meshes and their placements as an imported model at `out`.
+
+    Chooses the origin, bakes meshes that are placed once, drops those that are never placed. Without `placements` every
+    mesh is placed once as it is. The meshes must be free of defects: finite positions, indices within range, one triangle
+    or more each. `report` is kept as it is: {defect: {"total": n, "parts": {name: n}}}.
+
+    No reader can observe a partially written model: everything goes to a temporary directory beside `out`, which is
+    renamed when complete and removed if anything fails. Raises ModelError if there is nothing to write or something is at
+    `out` already, and OSError as the file system raises it (no space, no permission).
+    """
+    if placements is None:
+        placements = [Placement(i, f"mesh {i}", IDENTITY) for i in range(len(meshes))]
+    users = np.bincount([p.mesh for p in placements], minlength=len(meshes)).tolist()
+    meshes, placements, users = _drop_unused(meshes, placements, users)
+    if not placements:
+        raise ModelError(f"{out}: a model needs at least one triangle")
+    lo, hi = _box(meshes, placements)
+    origin = _origin(lo, hi)
+    placements = [_shifted(p, -origin) for p in placements]
+    if origin.any():
+        lo, hi = _box(meshes, placements)
+    centres = [_origin(*_mesh_box(m)) if n > 1 else np.zeros(3) for m, n in zip(meshes, users, strict=True)]
+
+    names = list(dict.fromkeys(p.name for p in placements))
+    name_index = {name: i for i, name in enumerate(names)}
+    parts = np.zeros(len(placements), PART)
+    baking: dict[int, np.ndarray] = {}
+    for row, p in zip(parts, placements, strict=True):
+        row["mesh"], row["name"] = p.mesh, name_index[p.name]
+        if users[p.mesh] == 1:
+            row["identity"], row["matrix"] = True, IDENTITY
+            baking[p.mesh] = p.matrix
+        else:
+            row["matrix"] = p.matrix
+            row["matrix"][:, 3] = transform_points(p.matrix, centres[p.mesh][None])[0]
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ModelError(f"{out}: there is something here already; remove it or choose another place")
+    temporary = out.parent / f".{out.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp"
+    temporary.mkdir()
+    try:
+        digests = _write_arrays(temporary, meshes, baking, centres)
+        digests["meshes"] = _write_whole(temporary / "meshes.npy", mesh_table(meshes))
+        digests["parts"] = _write_whole(temporary / "parts.npy", parts)
+        header = {
+            "origin": origin.tolist(),
+            "up": up,
+            "unit_in_metres": float(unit_in_metres),
+            "names": names,
+            "lo": lo.tolist(),
+            "hi": hi.tolist(),
+        }
+        content = json.dumps({"arrays": digests, **header}, sort_keys=True, ensure_ascii=True)
+        header["digest"] = hashlib.sha256(content.encode()).hexdigest()
+        header["format"] = FORMAT
+        header["triangles"] = sum(len(meshes[p.mesh].triangles) for p in placements)
+        header["report"] = dict(report or {})
+        (temporary / "model.json").write_text(json.dumps(header, indent=1, ensure_ascii=True), "ascii")
+        temporary.rename(out)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def mesh_table(meshes: Sequence[MeshView]) -> np.ndarray:
+    """Where each mesh lies when all are concatenated: MESH (k,)."""
+    table = np.zeros(len(meshes), MESH)
+    table["vertices"] = [len(mesh.positions) for mesh in meshes]
+    table["triangles"] = [len(mesh.triangles) for mesh in meshes]
+    table["vertex_start"][1:] = np.cumsum(table["vertices"])[:-1]
+    table["triangle_start"][1:] = np.cumsum(table["triangles"])[:-1]
+    return table
+
+
+def bake(mesh: MeshView, matrix: np.ndarray) -> MeshView:
+    """The mesh under a (3, 4) matrix, in float64. A mirroring matrix also turns the faces, so fronts stay fronts."""
+    if np.array_equal(matrix, IDENTITY):
+        return mesh
+    cofactor = cofactors(matrix)
+    row = matrix[0, :3] * cofactor[0]
+    mirrored = (row[0] + row[1]) + row[2] < 0
+    return MeshView(
+        transform_points(matrix, mesh.positions),
+        _turned(mesh.normals, -cofactor if mirrored else cofactor),
+        mesh.colours,
+        np.ascontiguousarray(mesh.triangles[:, ::-1]) if mirrored else mesh.triangles,
+        mesh.source_faces,
+    )
+
+
+def cofactors(matrix: np.ndarray) -> np.ndarray:
+    """The (3, 3) cofactor matrix of a (3, 4) matrix's linear part; its first row dotted with the matrix's is the
+    determinant, and it takes normals where the matrix takes positions (up to length, and sign if mirroring).
+    """
+    a, b, c = np.asarray(matrix, np.float64)[:, :3]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+
+
+def _turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
+    scale = float(np.abs(linear).max())
+    turned = transform_points(np.column_stack([linear / scale, np.zeros(3)]), normals)
+    length = np.sqrt((turned[:, 0] ** 2 + turned[:, 1] ** 2) + turned[:, 2] ** 2)
+    return (turned / np.where(length > 0, length, 1.0)[:, None]).astype(np.float32)
+
+
+def _drop_unused(
+    meshes: Sequence[MeshView], placements: Sequence[Placement], users: list[int]
+) -> tuple[list[MeshView], list[Placement], list[int]]:
+    kept = [i for i, n in enumerate(users) if n]
+    new = {old: i for i, old in enumerate(kept)}
+    return (
+        [meshes[i] for i in kept],
+        [Placement(new[p.mesh], p.name, np.asarray(p.matrix, np.float64)) for p in placements],
+        [users[i] for i in kept],
+    )
+
+
+def _shifted(placement: Placement, shift: np.ndarray) -> Placement:
+    matrix = placement.matrix.copy()
+    matrix[:, 3] += shift
+    return Placement(placement.mesh, placement.name, matrix)
+
+
+def _mesh_box(mesh: MeshView) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+
+
+def _box(meshes: Sequence[MeshView], placements: Sequence[Placement]) -> tuple[np.ndarray, np.ndarray]:
+    """The exact box of all placed vertices."""
+    lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
+    for p in placements:
+        points = transform_points(p.matrix, meshes[p.mesh].positions)
+        lo, hi = np.minimum(lo, points.min(axis=0)), np.maximum(hi, points.max(axis=0))
+    return lo, hi
+
+
+def _origin(lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+    """Zero, or for boxes far from zero their centre, rounded to a multiple of a power of two of about their extent."""
+    extent = float((hi - lo).max())
+    if extent == 0 or max(float(np.abs(lo).max()), float(np.abs(hi).max())) <= _FAR * extent:
+        return np.zeros(3)
+    step = float(2.0 ** int(np.frexp(extent)[1] - 1))
+    return np.rint((lo / 2 + hi / 2) / step) * step
+
+
+def _write_arrays(
+    folder: Path, meshes: Sequence[MeshView], baking: Mapping[int, np.ndarray], centres: Sequence[np.ndarray]
+) -> dict[str, str]:
+    """Write the arrays of COLUMNS mesh by mesh; returns the hash of each one's data."""
+    rows = {
+        "vertices": sum(len(mesh.positions) for mesh in meshes),
+        "triangles": sum(len(mesh.triangles) for mesh in meshes),
+    }
+    files: dict[str, BinaryIO] = {}
+    hashes = {name: hashlib.sha256() for name in COLUMNS}
+    try:
+        for name, (dtype, columns) in COLUMNS.items():
+            count = rows["vertices" if name in ("positions", "normals", "colours") else "triangles"]
+            files[name] = (folder / f"{name}.npy").open("wb")
+            _write_header(files[name], (count, columns) if columns else (count,), np.dtype(dtype))
+        for i, source in enumerate(meshes):
+            mesh = source
+            if i in baking:
+                mesh = bake(source, baking[i])
+            elif centres[i].any():
+                mesh = bake(source, np.column_stack([np.eye(3), -centres[i]]))
+            for name, (dtype, _) in COLUMNS.items():
+                data = np.ascontiguousarray(getattr(mesh, name), np.dtype(dtype)).data.cast("B")
+                hashes[name].update(data)
+                files[name].write(data)
+    finally:
+        for file in files.values():
+            file.close()
+    return {name: digest.hexdigest() for name, digest in hashes.items()}
+
+
+def _write_header(file: BinaryIO, shape: tuple[int, ...], dtype: np.dtype) -> None:
+    header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+
+
+def _write_whole(path: Path, array: np.ndarray) -> str:
+    with path.open("wb") as file:
+        _write_header(file, array.shape, array.dtype)
+        file.write(array.tobytes())
+    return hashlib.sha256(array.tobytes()).hexdigest()

@@ -1,0 +1,66 @@
+"""How two pictures of the same view differ: by brightness, and where one has a hole that the other has not.
+
+Pictures are (height, width, 4) uint8; alpha is 255 where a surface was drawn and 0 where none was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+
+#: Channels that differ by more than this many levels of 255 count as different.
+LEVELS = 16
+
+#: Pictures pass if there are no holes and at most this part of their pixels differs.
+ALLOWED_DIFFERING = 0.01
+
+_MAGNIFICATION = 8
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a picture differs from the full one."""
+
+    differing: float  # part of the pixels of which any channel differs by more than LEVELS
+    differing_grey: float  # part of the pixels of which the brightness differs by more than LEVELS
+    holes: int  # pixels with surface in the full picture and only background in their 3x3 neighbourhood here
+
+    @property
+    def passed(self) -> bool:
+        """No holes, and few enough pixels that differ."""
+        return self.holes == 0 and self.differing <= ALLOWED_DIFFERING
+
+
+def difference(picture: Picture, full: Picture) -> Difference:
+    """Compares `picture` with the `full` one."""
+    channels = np.abs(picture[..., :3].astype(np.int16) - full[..., :3].astype(np.int16))
+    grey = np.abs(_grey(picture) - _grey(full))
+    return Difference(
+        differing=float((channels.max(axis=2) > LEVELS).mean()),
+        differing_grey=float((grey > LEVELS).mean()),
+        holes=int(holes(picture, full).sum()),
+    )
+
+
+def holes(picture: Picture, full: Picture) -> NDArray[np.bool_]:
+    """Pixels (height, width) that show surface in `full` while `picture` has only background in their 3x3 neighbourhood."""
+    surface = np.pad(picture[..., 3] > 0, 1)
+    rows = surface[:-2] | surface[1:-1] | surface[2:]
+    near = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
+    return (full[..., 3] > 0) & ~near
+
+
+def magnified(picture: Picture, full: Picture) -> NDArray[np.uint8]:
+    """The difference (height, width, 3), eight times as strong, holes in red."""
+    channels = np.abs(picture[..., :3].astype(np.int16) - full[..., :3].astype(np.int16))
+    shown = np.minimum(channels * _MAGNIFICATION, 255).astype(np.uint8)
+    shown[holes(picture, full)] = (255, 0, 0)
+    return shown
+
+
+def _grey(picture: Picture) -> NDArray[np.float32]:
+    return picture[..., :3].astype(np.float32) @ np.array([0.299, 0.587, 0.114], np.float32)

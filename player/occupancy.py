@@ -1,0 +1,173 @@
+"""Kernels on a grid of voxels: where surfaces are, how far off they are, and the cheapest way between them.
+
+Pure functions of arrays. A grid is indexed [x, y, z]; voxel i spans lo + size * i to lo + size * (i + 1) on each axis.
+
+Based on: Schwarz, Seidel: Fast Parallel Surface and Solid Voxelization on GPUs, SIGGRAPH Asia 2010 (triangles to voxels);
+Borgefors: Distance Transformations in Digital Images, CVGIP 34, 1986 (chamfer distance); Dijkstra 1959.
+"""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True, nogil=True)
+def mark_triangles(
+    grid: NDArray[np.bool_], corners: NDArray[np.float64], lo: NDArray[np.float64], size: float
+) -> None:  # pragma: no cover - compiled
+    """Sets the voxels of grid (nx, ny, nz) bool that triangles (m, 3, 3) float64 in model units touch, and few others.
+
+    lo (3,), size: the grid's corner and the voxels' edge, in model units.
+    """
+    half = 0.5 + 1e-6
+    for t in range(len(corners)):
+        p = (corners[t] - lo) / size
+        first = np.empty(3, np.int64)
+        last = np.empty(3, np.int64)
+        for axis in range(3):
+            first[axis] = max(0, int(np.floor(min(p[0, axis], p[1, axis], p[2, axis]) - 1e-6)))
+            last[axis] = min(grid.shape[axis] - 1, int(np.floor(max(p[0, axis], p[1, axis], p[2, axis]) + 1e-6)))
+        normal = np.cross(p[1] - p[0], p[2] - p[0])
+        reach = half * (abs(normal[0]) + abs(normal[1]) + abs(normal[2]))
+        for x in range(first[0], last[0] + 1):
+            for y in range(first[1], last[1] + 1):
+                for z in range(first[2], last[2] + 1):
+                    centre = np.array([x + 0.5, y + 0.5, z + 0.5])
+                    if abs(np.sum(normal * (centre - p[0]))) > reach:
+                        continue
+                    inside = True
+                    for axis in range(3):  # the triangle's shadow along each axis against the voxel's
+                        u, v = (axis + 1) % 3, (axis + 2) % 3
+                        turn = 1.0 if normal[axis] >= 0 else -1.0
+                        for k in range(3):
+                            a, b = p[k], p[(k + 1) % 3]
+                            eu, ev = -(b[v] - a[v]) * turn, (b[u] - a[u]) * turn
+                            side = eu * (centre[u] - a[u]) + ev * (centre[v] - a[v])
+                            if side + half * (abs(eu) + abs(ev)) < 0:
+                                inside = False
+                    if inside:
+                        grid[x, y, z] = True
+
+
+@njit(cache=True, nogil=True)
+def clearance(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:  # pragma: no cover - compiled
+    """Distance (nx, ny, nz) float32 in voxels from each voxel to the nearest occupied one, within about 8 %.
+
+    Voxels beyond the grid count as free.
+    """
+    nx, ny, nz = occupied.shape
+    distance = np.empty(occupied.shape, np.float32)
+    for x in range(nx):
+        for y in range(ny):
+            for z in range(nz):
+                distance[x, y, z] = 0.0 if occupied[x, y, z] else 1e9
+    for sign in (1, -1):
+        for i in range(nx):
+            x = i if sign > 0 else nx - 1 - i
+            for j in range(ny):
+                y = j if sign > 0 else ny - 1 - j
+                for k in range(nz):
+                    z = k if sign > 0 else nz - 1 - k
+                    best = distance[x, y, z]
+                    for dx in range(-1, 2):
+                        for dy in range(-1, 2):
+                            for dz in range(-1, 2):
+                                if (dx * 9 + dy * 3 + dz) * sign >= 0:
+                                    continue  # the half of the neighbours that this sweep has passed
+                                a, b, c = x + dx, y + dy, z + dz
+                                if 0 <= a < nx and 0 <= b < ny and 0 <= c < nz:
+                                    step = np.float32(np.sqrt(np.float64(dx * dx + dy * dy + dz * dz)))
+                                    best = min(best, distance[a, b, c] + step)
+                    distance[x, y, z] = best
+    return distance
+
+
+@njit(cache=True, nogil=True)
+def free_run(occupied: NDArray[np.bool_], axis: int, sign: int) -> NDArray[np.int32]:  # pragma: no cover - compiled
+    """Free voxels (nx, ny, nz) int32 between each voxel and the next occupied one along an axis; -1 where there is none.
+
+    sign: +1 looks towards larger indices, -1 towards smaller ones. Occupied voxels have 0.
+    """
+    result = np.empty(occupied.shape, np.int32)
+    length = occupied.shape[axis]
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    index = np.zeros(3, np.int64)
+    for i in range(occupied.shape[u]):
+        for j in range(occupied.shape[v]):
+            run = -1
+            for k in range(length):
+                index[u], index[v] = i, j
+                index[axis] = length - 1 - k if sign > 0 else k
+                x, y, z = index[0], index[1], index[2]
+                if occupied[x, y, z]:
+                    run = 0
+                    result[x, y, z] = 0
+                else:
+                    result[x, y, z] = run
+                    if run >= 0:
+                        run += 1
+    return result
+
+
+@njit(cache=True, nogil=True)
+def enclosure(
+    occupied: NDArray[np.bool_], voxels: NDArray[np.int64], directions: NDArray[np.float64]
+) -> NDArray[np.float32]:  # pragma: no cover - compiled
+    """For each of the voxels (n, 3): the part of the directions (k, 3), unit vectors, that meet an occupied voxel."""
+    result = np.zeros(len(voxels), np.float32)
+    for n in range(len(voxels)):
+        hits = 0
+        for d in range(len(directions)):
+            x, y, z = voxels[n, 0] + 0.5, voxels[n, 1] + 0.5, voxels[n, 2] + 0.5
+            while True:
+                x += directions[d, 0]
+                y += directions[d, 1]
+                z += directions[d, 2]
+                i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
+                if i < 0 or j < 0 or k < 0 or i >= occupied.shape[0] or j >= occupied.shape[1] or k >= occupied.shape[2]:
+                    break
+                if occupied[i, j, k]:
+                    hits += 1
+                    break
+        result[n] = hits / len(directions)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def cheapest_ways(
+    cost: NDArray[np.float32], start: int
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:  # pragma: no cover - compiled
+    """The cheapest ways from voxel `start` (flat index) to all others, through 26 neighbours.
+
+    cost (nx, ny, nz): of one voxel's length of way through each voxel; infinite where no way leads.
+    Returns (n,) float32 the cost of the way to each voxel, infinite where there is none; (n,) int32 the voxel before it.
+    """
+    nx, ny, nz = cost.shape
+    flat = cost.ravel()
+    total = np.full(flat.size, np.inf, np.float32)
+    before = np.full(flat.size, -1, np.int32)
+    total[start] = 0.0
+    heap = [(np.float32(0.0), np.int64(start))]
+    while heap:
+        reached, here = heapq.heappop(heap)
+        if reached > total[here]:
+            continue
+        x, y, z = here // (ny * nz), (here // nz) % ny, here % nz
+        for dx in range(-1, 2):
+            for dy in range(-1, 2):
+                for dz in range(-1, 2):
+                    a, b, c = x + dx, y + dy, z + dz
+                    if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz:
+                        continue
+                    there = (a * ny + b) * nz + c
+                    step = np.sqrt(np.float32(dx * dx + dy * dy + dz * dz)) * np.float32(0.5)
+                    cheaper = np.float32(reached + step * (flat[here] + flat[there]))
+                    if cheaper < total[there]:
+                        total[there] = cheaper
+                        before[there] = here
+                        heapq.heappush(heap, (cheaper, np.int64(there)))
+    return total, before

@@ -1,0 +1,272 @@
+"""The automatic tour: a walk through the most interesting rooms of a model that keeps clear of its surfaces.
+
+The model's coarse levels are drawn into a grid of voxels. Where a floor lies below at eye height one can walk; a place
+is interesting if there is something to see around it. The walk visits places far apart in the largest interesting region,
+along ways that keep off the walls, smoothed, looking ahead. Where there is no such region (a single machine in the void,
+say), the tour circles around the model instead.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.occupancy import cheapest_ways, clearance, enclosure, free_run, mark_triangles
+from player.path import CameraPath
+from player.scene import Scene
+from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
+
+#: Voxels in the grid.
+_VOXELS = 3_000_000
+
+#: Height of a walker's eyes, in metres, where the model's size makes that likely.
+_EYE_HEIGHT = 1.65
+
+#: Pictures a second of a tour that is played back.
+FRAMES_PER_SECOND = 25.0
+
+#: Way between two frames, in eye heights: brisk, but no chase.
+_STEP = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """A model's coarse levels on a grid."""
+
+    occupied: NDArray[np.bool_]  # (nx, ny, nz)
+    lo: Vector  # corner (3,) in model units
+    size: float  # edge of a voxel in model units
+
+    def centres(self, voxels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Centres (n, 3) in model units of voxels (n, 3)."""
+        return self.lo + (voxels + 0.5) * self.size
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Where one can walk."""
+
+    voxels: NDArray[np.int64]  # (n, 3)
+    flat: NDArray[np.int64]  # (n,) their flat indices
+    interest: NDArray[np.float32]  # (n,) 0 to 1
+    cost: NDArray[np.float32]  # (nx, ny, nz) of a way through each voxel, infinite elsewhere
+    room: NDArray[np.float32]  # (nx, ny, nz) distance to the nearest surface, in voxels
+
+
+def make_tour(scene: Scene, *, frames: int, seed: int) -> CameraPath:
+    """A tour of `frames` poses at FRAMES_PER_SECOND; the same for the same store, frames and seed."""
+    walk = _walk(scene, frames=max(frames, 2), seed=seed)
+    path = _orbit(scene, frames=max(frames, 2), seed=seed) if walk is None else walk
+    return CameraPath(path.times[:frames], path.positions[:frames], path.orientations[:frames])
+
+
+def voxelise(scene: Scene) -> Voxels:
+    """The model on a grid of about _VOXELS voxels, a margin of two voxels around it."""
+    extent = np.maximum(scene.hi - scene.lo, 1e-3 * scene.extent)
+    size = float(max((extent.prod() / _VOXELS) ** (1 / 3), extent.max() / 600))
+    shape = np.ceil(extent / size).astype(np.int64) + 4
+    lo = (scene.lo + scene.hi) / 2 - shape * size / 2
+    occupied = np.zeros(tuple(shape.tolist()), np.bool_)
+    for drawable in _coarse(scene, size / 2).tolist():
+        mesh = scene.store.mesh(drawable)
+        mark_triangles(occupied, mesh.positions.astype(np.float64)[mesh.triangles], lo, size)
+    return Voxels(occupied, lo, size)
+
+
+def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
+    """The coarsest level of each node with at most `error`, else the finest: ids in the order of their packs."""
+    store = scene.store
+    chosen = scene.first_drawable.copy()
+    for level in range(1, int(scene.levels.max(initial=1))):
+        having = np.flatnonzero(scene.levels > level)
+        candidates = scene.first_drawable[having] + level
+        good = store.drawables["error"][candidates] <= error
+        chosen[having[good]] = candidates[good]
+    packs = store.geometry["pack"][store.drawables["geometry"][chosen]]
+    return chosen[np.lexsort((chosen, packs))]
+
+
+def _eye_height(scene: Scene, voxels: Voxels) -> float:
+    """In model units: a person's where that fits the model, else a part of the model's height."""
+    up = AXES[str(scene.store.manifest.model["up"])]
+    height = float(scene.hi[up] - scene.lo[up])
+    metres = float(scene.store.manifest.model["unit_in_metres"])
+    person = _EYE_HEIGHT / metres
+    fits = 3 * person < scene.extent < 5000 * person
+    return float(np.clip(person if fits else 0.4 * height, 2.5 * voxels.size, max(0.45 * height, 2.5 * voxels.size)))
+
+
+def _walk(scene: Scene, *, frames: int, seed: int) -> CameraPath | None:
+    voxels = voxelise(scene)
+    eye_height = _eye_height(scene, voxels)
+    region = _region(scene, voxels, eye_height)
+    if region is None:
+        return None
+    length = frames * _STEP * eye_height
+    line = _route(region, voxels, length, np.random.default_rng(seed))
+    if line is None:
+        return None
+    line = _smooth(voxels.centres(line), voxels, region.room, eye_height)
+    way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+    if way[-1] < min(2 * eye_height, length / 2):
+        return None
+    stops = np.linspace(0, min(way[-1], length), frames)
+    positions = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
+    return _looking_ahead(scene, positions, eye_height)
+
+
+def _region(scene: Scene, voxels: Voxels, eye_height: float) -> _Region | None:
+    """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
+    store, occupied = scene.store, voxels.occupied
+    up = AXES[str(store.manifest.model["up"])]
+    eye = eye_height / voxels.size
+    room = clearance(occupied)
+    below = free_run(occupied, up, -1)
+    walkable = (below >= 0.55 * eye - 1) & (below <= 1.5 * eye) & (room >= 1.5)
+    places = np.argwhere(walkable)
+    if len(places) and store.cells["computed"].any():
+        computed = store.cell_at(voxels.centres(places)) >= 0
+        if computed.any():
+            places = places[computed]
+    if not len(places):
+        return None
+    around = enclosure(occupied, places, _horizontal(up))
+    at = tuple(places.T)
+    above = free_run(occupied, up, 1)[at] >= 0
+    interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)
+    off_height = np.abs(below[at] + 0.5 - eye) / eye
+    tight = 1 / np.maximum(room[at] - 0.5, 0.25)
+    cost = np.full(occupied.shape, np.inf, np.float32)
+    cost[at] = 1 + 3 * off_height + 2 * tight + 4 * (1 - interest)
+    flat = np.ravel_multi_index(at, occupied.shape).astype(np.int64)
+    best: NDArray[np.bool_] | None = None
+    left = np.ones(len(flat), np.bool_)
+    best_score = 0.0
+    while left.any():
+        start = int(np.flatnonzero(left)[np.argmax(interest[left])])
+        total, _ = cheapest_ways(cost, int(flat[start]))
+        reached = left & np.isfinite(total[flat])
+        left &= ~reached
+        score = float(interest[reached].sum())
+        if score > best_score:
+            best, best_score = reached, score
+        if best_score >= float(interest[left].sum()):
+            break
+    if best is None:
+        return None
+    inside = np.full(occupied.shape, np.inf, np.float32)
+    kept = tuple(places[best].T)
+    inside[kept] = cost[kept]
+    return _Region(places[best], flat[best], interest[best], inside, room)
+
+
+def _horizontal(up: int) -> NDArray[np.float64]:
+    """Sixteen unit directions (16, 3) across the up axis."""
+    angles = np.arange(16) * (2 * math.pi / 16) + 0.1
+    directions = np.zeros((16, 3))
+    directions[:, (up + 1) % 3] = np.cos(angles)
+    directions[:, (up + 2) % 3] = np.sin(angles)
+    return directions
+
+
+def _route(
+    region: _Region, voxels: Voxels, length: float, random: np.random.Generator
+) -> NDArray[np.int64] | None:
+    """Voxels (n, 3) along a way of at least `length` model units through places far apart, if the region has one."""
+    attraction = region.interest.astype(np.float64) * (0.85 + 0.3 * random.random(len(region.flat)))
+    attraction *= np.minimum(region.room.ravel()[region.flat], 4) / 4
+    here = int(region.flat[np.argmax(attraction)])
+    visited = np.full(len(region.flat), np.inf)
+    pieces: list[NDArray[np.int64]] = []
+    travelled = 0.0
+    for _ in range(24):
+        total, before = cheapest_ways(region.cost, here)
+        ways = total[region.flat].astype(np.float64)
+        visited = np.minimum(visited, ways)
+        usable = np.isfinite(ways)
+        # Far from all that was seen, attractive, but not at the other end of the world if the tour is short.
+        reach = max(2 * length / voxels.size, 8)
+        score = np.where(usable, np.minimum(visited, reach) * attraction / (1 + ways / (2 * reach)), -1)
+        goal = int(region.flat[np.argmax(score)])
+        if goal == here:
+            break
+        piece = [goal]
+        while piece[-1] != here:
+            piece.append(int(before[piece[-1]]))
+        line = np.stack(np.unravel_index(np.array(piece[::-1]), region.cost.shape), axis=1).astype(np.int64)
+        pieces.append(line if not pieces else line[1:])
+        travelled += float(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)).sum()) * voxels.size
+        here = goal
+        if travelled >= 1.15 * length:  # smoothing shortens it
+            break
+    return np.concatenate(pieces) if pieces else None
+
+
+def _smooth(
+    line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32], eye_height: float
+) -> NDArray[np.float64]:
+    """The line (n, 3) with its corners rounded, as far as it stays at least a voxel and a half off every surface."""
+    way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+    count = max(int(way[-1] / (0.5 * voxels.size)), 2) + 1
+    stops = np.linspace(0, way[-1], count)
+    points = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
+    sigma = 0.6 * eye_height / (0.5 * voxels.size)
+    for _ in range(8):
+        smoother = _blurred(points, sigma / 3)
+        voxel = np.floor((smoother - voxels.lo) / voxels.size).astype(np.int64)
+        voxel = np.clip(voxel, 0, np.array(room.shape) - 1)
+        safe = np.where(room[tuple(voxel.T)] >= 1.5, 1.0, 0.0)
+        share = np.minimum(_eroded(safe, 2), 1)[:, None]
+        points = smoother * share + points * (1 - share)
+    return points
+
+
+def _blurred(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Values (n, k) averaged along n with a Gaussian of `sigma` steps; the ends stay."""
+    reach = max(1, min(int(3 * sigma), len(values) - 1))
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2)
+    weights /= weights.sum()
+    before = 2 * values[0] - values[reach:0:-1]
+    after = 2 * values[-1] - values[-2 : -reach - 2 : -1]
+    padded = np.concatenate([before, values, after])
+    return np.stack([np.convolve(padded[:, k], weights, mode="valid") for k in range(values.shape[1])], axis=1)
+
+
+def _eroded(values: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """The smallest of each value (n,) and its neighbours up to `steps` away."""
+    padded = np.pad(values, steps, mode="edge")
+    return np.min([padded[k : k + len(values)] for k in range(2 * steps + 1)], axis=0)
+
+
+def _looking_ahead(scene: Scene, positions: NDArray[np.float64], eye_height: float) -> CameraPath:
+    """Poses that look along the motion, a little ahead, turning smoothly and never far up or down."""
+    up_name = str(scene.store.manifest.model["up"])
+    up = up_vector(up_name)
+    step = max(float(np.sqrt(((positions[1] - positions[0]) ** 2).sum())), 1e-12)
+    ahead = max(2, round(1.5 * eye_height / step))
+    beyond = positions[-1] + (positions[-1] - positions[-2]) / step * eye_height * np.linspace(0.2, 2, 10)[:, None]
+    line = np.concatenate([positions, beyond])
+    targets = line[np.minimum(np.arange(len(positions)) + ahead, len(line) - 1)]
+    yaws, pitches = np.transpose([direction_yaw_pitch(d, up_name) for d in targets - positions])
+    angles = np.stack([np.unwrap(yaws), np.clip(pitches, -0.5, 0.5) * 0.6 - 0.04], axis=1)
+    angles = _blurred(angles, max(1.0, min(0.5 * ahead, len(positions) / 6)))
+    orientations = [looking(yaw_pitch_direction(float(yaw), float(pitch), up_name), up) for yaw, pitch in angles]
+    return CameraPath(np.arange(len(positions)) / FRAMES_PER_SECOND, positions, np.array(orientations))
+
+
+def _orbit(scene: Scene, *, frames: int, seed: int) -> CameraPath:
+    """A turn around the model, looking at its middle from a little above."""
+    up_name = str(scene.store.manifest.model["up"])
+    up = up_vector(up_name)
+    centre = (scene.lo + scene.hi) / 2
+    start = np.random.default_rng(seed).random() * 2 * math.pi
+    turn = min(2 * math.pi, frames * 0.05)
+    positions, orientations = [], []
+    for part in np.linspace(0, 1, frames):
+        direction = yaw_pitch_direction(start + turn * float(part), 0.35, up_name)
+        positions.append(centre + direction * 0.9 * scene.extent)
+        orientations.append(looking(-direction, up))
+    return CameraPath(np.arange(frames) / FRAMES_PER_SECOND, np.array(positions), np.array(orientations))

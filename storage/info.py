@@ -1,0 +1,287 @@
+"""`vlod info`: what a store holds, for people and as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import click
+import numpy as np
+
+from storage.frames import Kind
+from storage.manifest import FILE
+from storage.store import Store, open_store
+
+#: How many of the cells with the largest gaps are named.
+WORST = 5
+
+#: What the kinds of frames are called.
+_KINDS = {
+    Kind.GEOMETRY: "meshes",
+    Kind.SOURCE_FACES: "source faces",
+    Kind.TABLE: "tables",
+    Kind.NAMES: "names",
+    Kind.KEY_SET: "key sets of cells",
+    Kind.DELTAS: "changes across boundaries",
+}
+
+
+class Section(NamedTuple):
+    """A part of the report: a title, column heads (none: names and values), rows of text."""
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@click.command(epilog="Example: vlod info ship.store", no_args_is_help=True)
+@click.argument("store")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def info(store: str, as_json: bool) -> None:
+    """Say what STORE (a folder or a URL) holds: its model, drawables, cells, and where its bytes are."""
+    facts = collect(open_store(store))
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+    elif sys.stdout.isatty():
+        _show(sections(facts))
+    else:
+        click.echo("\n\n".join(_plain(section) for section in sections(facts)))
+
+
+def collect(store: Store) -> dict[str, Any]:
+    """All facts about a store, as JSON holds them. Lengths in model units, sizes in bytes, errors in model units."""
+    manifest = store.manifest
+    return {
+        "store": store.files.url,
+        "format": manifest.format,
+        "version": manifest.version,
+        "model": dict(manifest.model),
+        "parameters": dict(manifest.parameters),
+        "pixel_angle": manifest.pixel_angle,
+        "counts": manifest.counts,
+        "levels": _levels(store),
+        "cells": _cells(store),
+        "bytes": _bytes(store),
+    }
+
+
+def _levels(store: Store) -> list[dict[str, Any]]:
+    rows = store.drawables
+    found = []
+    for level in np.unique(rows["level"]).tolist():
+        own = rows[rows["level"] == level]
+        found.append(
+            {
+                "level": level,
+                "drawables": len(own),
+                "triangles": int(own["triangles"].sum(dtype=np.int64)),
+                "median_error": float(np.median(own["error"])),
+                "largest_error": float(own["error"].max()),
+            }
+        )
+    return found
+
+
+def _cells(store: Store) -> dict[str, Any]:
+    cells = store.cells[store.cells["computed"]]
+    if not len(cells):
+        return {"cells": len(store.cells), "computed": 0}
+    numbers = np.flatnonzero(store.cells["computed"])
+    depths, counts = np.unique(cells["depth"], return_counts=True)
+    edges = (cells["hi"] - cells["lo"])[:, 0]
+    reported, proven = (cells[name].astype(np.int64) for name in ("triangles", "proven_triangles"))
+    worst = np.lexsort((numbers, proven - reported))[:WORST]
+    return {
+        "cells": len(store.cells),
+        "computed": len(cells),
+        "limited": int(cells["limited"].sum()),
+        "depths": {str(depth): int(count) for depth, count in zip(depths, counts, strict=True)},
+        "smallest_edge": float(edges.min()),
+        "largest_edge": float(edges.max()),
+        "median_drawables": float(np.median(cells["drawables"])),
+        "median_triangles": float(np.median(reported)),
+        "largest_triangles": int(reported.max()),
+        "cut_triangles": int(cells["cut_triangles"].sum(dtype=np.int64)),
+        "reported_triangles": int(reported.sum()),
+        "proven_triangles": int(proven.sum()),
+        "reported_drawables": int(cells["drawables"].sum(dtype=np.int64)),
+        "proven_drawables": int(cells["proven_drawables"].sum(dtype=np.int64)),
+        "tightness": _ratio(reported.sum(), proven.sum()),
+        "worst": [
+            {
+                "cell": int(numbers[at]),
+                "lo": cells["lo"][at].tolist(),
+                "hi": cells["hi"][at].tolist(),
+                "reported_triangles": int(reported[at]),
+                "proven_triangles": int(proven[at]),
+                "tightness": _ratio(reported[at], proven[at]),
+            }
+            for at in worst.tolist()
+        ],
+    }
+
+
+def _bytes(store: Store) -> dict[str, Any]:
+    kinds = store.bytes_by_kind()
+    named = {label: kinds[kind] for kind, label in _KINDS.items() if kind in kinds}
+    shards = sum(record.bytes for _, record in store.manifest.shards())
+    manifest = store.files.size(FILE) or 0
+    boundaries = store.boundary_count
+    triangles = store.manifest.counts["stored_triangles"]
+    return {
+        "manifest": manifest,
+        **named,
+        "indices and checksums": shards - sum(named.values()),
+        "total": shards + manifest,
+        "shards": sum(1 for _ in store.manifest.shards()),
+        "boundaries": boundaries,
+        "per_boundary": _ratio(kinds.get(Kind.DELTAS, 0), boundaries),
+        "per_stored_triangle": _ratio(kinds.get(Kind.GEOMETRY, 0), triangles),
+    }
+
+
+def sections(facts: dict[str, Any]) -> list[Section]:
+    """The facts that `collect` gave, as text for people."""
+    model, counts, cells = facts["model"], facts["counts"], facts["cells"]
+    extent = [high - low for low, high in zip(model["lo"], model["hi"], strict=True)]
+    found = [
+        Section(
+            f"{facts['store']}  (version {facts['version']}, format {facts['format']})",
+            (),
+            [
+                ("model", f"{model['triangles']:,} triangles in {counts['parts']:,} parts"),
+                ("extent", " x ".join(f"{value:g}" for value in extent) + f", up is {model['up']}"),
+                ("unit", f"{model['unit_in_metres']:g} m" if model["unit_in_metres"] else "not known"),
+                ("digest", str(model["digest"])),
+                ("instances", f"{counts['instances']:,}"),
+                ("pixel angle", f"{facts['pixel_angle']:.3g} model units per unit of distance"),
+            ],
+        ),
+        Section(
+            "Drawables",
+            ("level", "drawables", "triangles", "median error", "largest error"),
+            [
+                (
+                    str(row["level"]),
+                    f"{row['drawables']:,}",
+                    f"{row['triangles']:,}",
+                    f"{row['median_error']:.3g}",
+                    f"{row['largest_error']:.3g}",
+                )
+                for row in facts["levels"]
+            ],
+        ),
+    ]
+    if cells["computed"]:
+        found += _cell_sections(cells)
+    else:
+        found.append(Section("Cells", (), [("computed", f"0 of {cells['cells']:,}")]))
+    sizes = facts["bytes"]
+    kinds = [
+        (name, _size(size), f"{100 * size / sizes['total']:.1f} %")
+        for name, size in sizes.items()
+        if name not in ("total", "shards", "boundaries", "per_boundary", "per_stored_triangle")
+    ]
+    total = (f"total, in {sizes['shards']:,} shards", _size(sizes["total"]), "100 %")
+    each = [("meshes, a stored triangle", _each(sizes["per_stored_triangle"]), "")]
+    if sizes["boundaries"]:
+        each.append((f"changes, each of {sizes['boundaries']:,} boundaries", _each(sizes["per_boundary"]), ""))
+    found.append(Section("Bytes", ("what", "size", "share"), [*kinds, total, *each]))
+    return found
+
+
+def _cell_sections(cells: dict[str, Any]) -> list[Section]:
+    hidden = 1 - cells["reported_triangles"] / max(1, cells["cut_triangles"])
+    depths = [f"{count:,} at depth {depth}" for depth, count in cells["depths"].items()]
+    rows = [
+        ("computed", f"{cells['computed']:,} of {cells['cells']:,}"),
+        ("depths", ", ".join(depths)),
+        ("edges", f"{cells['smallest_edge']:.3g} to {cells['largest_edge']:.3g}"),
+        ("at the depth limit", f"{cells['limited']:,}"),
+        ("drawables in a vLOD", f"{cells['median_drawables']:,.0f} (median)"),
+        (
+            "triangles in a vLOD",
+            f"{cells['median_triangles']:,.0f} (median), {cells['largest_triangles']:,} (largest)",
+        ),
+        ("hidden", f"{100 * hidden:.1f} % of the cuts' triangles"),
+        ("tightness", f"{_times(cells['tightness'])} (triangles reported / proven visible)"),
+    ]
+    worst = [
+        (
+            str(row["cell"]),
+            f"{row['reported_triangles']:,}",
+            f"{row['proven_triangles']:,}",
+            _times(row["tightness"]),
+            ", ".join(f"{(low + high) / 2:.3g}" for low, high in zip(row["lo"], row["hi"], strict=True)),
+        )
+        for row in cells["worst"]
+    ]
+    return [
+        Section("Cells", (), rows),
+        Section("Cells with the largest gaps", ("cell", "reported", "proven", "tightness", "centre"), worst),
+    ]
+
+
+def _plain(section: Section) -> str:
+    """A section as lines of aligned text."""
+    rows = [*([section.heads] if section.heads else []), *section.rows]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [section.title]
+    for row in rows:
+        numbers = zip(row[1:], widths[1:], strict=True)
+        cells = [text.rjust(width) if section.heads else text for text, width in numbers]
+        lines.append("  ".join(["", row[0].ljust(widths[0]), *cells]).rstrip())
+    return "\n".join(lines)
+
+
+def _show(found: Sequence[Section]) -> None:
+    """Prints sections as tables on a terminal."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    for section in found:
+        table = Table(
+            title=section.title,
+            title_justify="left",
+            title_style="bold cyan",
+            box=box.SIMPLE_HEAD if section.heads else box.SIMPLE,
+            show_header=bool(section.heads),
+            header_style="bold",
+            pad_edge=False,
+        )
+        for column in range(len(section.rows[0]) if section.rows else len(section.heads)):
+            numeric = column > 0 and bool(section.heads)
+            table.add_column(
+                section.heads[column] if section.heads else "",
+                justify="right" if numeric else "left",
+                style="dim" if column == 0 and not section.heads else None,
+                no_wrap=column == 0,
+            )
+        for row in section.rows:
+            table.add_row(*row)
+        console.print(table)
+
+
+def _ratio(above: float, below: float) -> float | None:
+    return float(above) / float(below) if below else None
+
+
+def _times(ratio: float | None) -> str:
+    return "-" if ratio is None else f"{ratio:.2f}"
+
+
+def _each(size: float | None) -> str:
+    return "-" if size is None else f"{size:.2f} B"
+
+
+def _size(size: float) -> str:
+    """A number of bytes for people: 1 KB is 1000 bytes."""
+    for unit in ("B", "KB", "MB", "GB"):
+        if size < 1000 or unit == "GB":
+            break
+        size /= 1000
+    return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"

@@ -1,0 +1,32 @@
+"""Executors for the conformance suite: Ray is started once for all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from jobs.executors import Executor, SerialExecutor
+from jobs.ray_executor import RayExecutor
+from jobs.workplace import Workplace
+
+
+@pytest.fixture(scope="session")
+def ray_executor() -> Iterator[RayExecutor]:
+    executor = RayExecutor(workers=2)
+    yield executor
+    executor.close()
+
+
+@pytest.fixture(params=["serial", pytest.param("ray", marks=pytest.mark.slow)])
+def executor(request: pytest.FixtureRequest) -> Executor:
+    if request.param == "serial":
+        return SerialExecutor()
+    return request.getfixturevalue("ray_executor")
+
+
+@pytest.fixture
+def place(tmp_path):
+    store = tmp_path / "store"
+    (store / "shards").mkdir(parents=True)
+    return Workplace(store / "work", store)

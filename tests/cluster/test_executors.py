@@ -1,0 +1,131 @@
+"""What every executor promises: the same tests over the one in this process and Ray."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+
+import pytest
+
+from jobs.errors import MemoryLimitError, WorkerLostError
+from jobs.executors import SerialExecutor, choose_executor
+from jobs.ray_executor import ATTEMPTS, RayExecutor
+from jobs.tasks import Task
+from storage.errors import ModelError, ParameterError
+from tests.cluster.toy_stages import LETHAL, SQUARE, WRONG, square_task
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "log"
+    path.touch()
+    return path
+
+
+def runs(log):
+    return len(log.read_text().splitlines())
+
+
+def test_every_task_gives_its_result_once(executor, place, log):
+    tasks = [square_task(number, log=str(log)) for number in range(12)]
+    results = list(executor.run(tasks, place))
+    assert sorted(result.record["square"] for result in results) == [number * number for number in range(12)]
+    assert runs(log) == 12
+    assert not any(result.reused for result in results)
+    for result in results:
+        text = (place.result("square", result.key) / "square.txt").read_text()
+        assert int(text) == result.record["square"]
+        assert result.peak_memory > 1 << 20
+
+
+def test_finished_tasks_do_not_run_again(executor, place, log):
+    tasks = [square_task(number, log=str(log)) for number in range(5)]
+    list(executor.run(tasks[:3], place))
+    results = list(executor.run(tasks, place))
+    assert runs(log) == 5
+    assert sum(result.reused for result in results) == 3
+    assert sorted(result.record["square"] for result in results) == [0, 1, 4, 9, 16]
+
+
+def test_tasks_may_follow_from_results(executor, place, log):
+    def parts(result):
+        number = result.task.payload["number"]
+        return (
+            [square_task(number // 2, log=str(log)), square_task(number // 2 - 1, log=str(log))] if number > 2 else []
+        )
+
+    results = list(executor.run([square_task(9, log=str(log))], place, parts))
+    # 9 gives 4 and 3; 4 gives 2 and 1; 3 gives 1 and 0.
+    assert sorted(result.task.payload["number"] for result in results) == [0, 1, 1, 2, 3, 4, 9]
+
+
+def test_tasks_are_read_only_as_far_ahead_as_needed(executor, place, log):
+    taken = []
+
+    def endless():
+        for number in itertools.count():
+            taken.append(number)
+            yield square_task(number, log=str(log))
+
+    with contextlib.closing(executor.run(endless(), place)) as results:
+        for _ in range(3):
+            next(results)
+    assert len(taken) <= 3 + 2 * executor.workers + 2
+
+
+def test_no_tasks(executor, place):
+    assert list(executor.run([], place)) == []
+
+
+@pytest.mark.parametrize(("bug", "kind"), [(False, ModelError), (True, ZeroDivisionError)])
+def test_a_tasks_error_comes_as_it_is(executor, place, log, bug, kind):
+    with pytest.raises(kind) as caught:
+        list(executor.run([Task(WRONG, {"bug": bug}, memory=1 << 20)], place))
+    assert "\n" not in str(caught.value)
+    assert not place.result("wrong", Task(WRONG, {"bug": bug}).key).exists()
+    assert list(place.work.glob("*/.tmp-*")) == []
+    assert [result.record["square"] for result in executor.run([square_task(3, log=str(log))], place)] == [9]
+
+
+@pytest.mark.slow
+def test_a_killed_worker_is_replaced(ray_executor, place, log):
+    tasks = [Task(LETHAL, {"deaths": 1}, {"log": str(log)}, 1 << 20), square_task(7, log=str(log))]
+    results = {result.task.stage.name: result for result in ray_executor.run(tasks, place)}
+    assert results["lethal"].record["runs"] == 2
+    assert results["square"].record["square"] == 49
+    assert place.clean() == 1
+
+
+@pytest.mark.slow
+def test_a_task_that_always_kills_its_worker_ends(ray_executor, place, log):
+    with pytest.raises(WorkerLostError, match="lethal"):
+        list(ray_executor.run([Task(LETHAL, {"deaths": 99}, {"log": str(log)}, 1 << 20)], place))
+    assert runs(log) == ATTEMPTS
+
+
+@pytest.mark.slow
+def test_a_task_that_cannot_fit_is_refused(ray_executor, place):
+    with pytest.raises(MemoryLimitError, match="square"):
+        list(ray_executor.run([Task(SQUARE, {"number": 1}, memory=1 << 60)], place))
+
+
+def test_ray_is_not_started_when_all_is_finished(place, log):
+    task = square_task(2, log=str(log))
+    list(SerialExecutor().run([task], place))
+    executor = RayExecutor(address="nowhere:1")
+    assert [result.reused for result in executor.run([task], place)] == [True]
+    executor.close()
+
+
+def test_choosing_an_executor(monkeypatch):
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    assert choose_executor("serial", None, None, 1 << 40).name == "serial"
+    assert choose_executor("auto", None, None, 1000).name == "serial"
+    assert choose_executor("auto", 2, None, 1 << 40).name == "ray"
+    assert choose_executor("auto", 1, None, 1 << 40).name == "serial"
+    assert choose_executor("auto", None, "host:6379", 0).name == "ray"
+    assert choose_executor("ray", 3, None, 0).workers == 3
+    monkeypatch.setenv("RAY_ADDRESS", "host:6379")
+    assert choose_executor("auto", None, None, 0).name == "ray"
+    with pytest.raises(ParameterError, match="serial"):
+        choose_executor("serial", 4, None, 0)

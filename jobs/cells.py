@@ -149,17 +149,16 @@ def _compute_cell(
         inside = engine.reaching_into(grid_lo, grid_hi, cut)
         if int(counts[inside].sum()) > parameters.triangles_per_cell:
             return None
-    found = engine.visible_from(grid_lo, grid_hi, cut)
-    triangles = int(counts[found.visible].sum())
-    too_large = triangles > parameters.triangles_per_cell
-    if too_large and may_split:
+    found = engine.visible_from(grid_lo, grid_hi, cut, parameters.triangles_per_cell if may_split else None)
+    if found is None:
         return None
+    triangles = int(counts[found.visible].sum())
     cell = np.zeros((), CELL)
     cell["key"] = key
     cell["depth"] = octree.depth(key)
     cell["lo"], cell["hi"] = lo, hi
     cell["computed"] = True
-    cell["limited"] = too_large
+    cell["limited"] = triangles > parameters.triangles_per_cell
     cell["pixel_error"] = parameters.pixel_error
     cell["cut_drawables"], cell["cut_triangles"] = len(cut), cut_triangles
     cell["drawables"], cell["triangles"] = len(found.visible), triangles

@@ -85,6 +85,8 @@ def build(
     from jobs.pipeline import build as build_store
     from jobs.progress import progress_for
 
+    if report is not None:
+        report.parent.mkdir(parents=True, exist_ok=True)
     parameters = BuildParameters(**options)
     chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
     try:
@@ -93,7 +95,7 @@ def build(
     finally:
         chosen.close()
     if report is not None:
-        _write(report, done.to_text())
+        report.write_text(done.to_text())
     if as_json:
         click.echo(done.to_text(), nl=False)
     else:
@@ -187,8 +189,3 @@ def _print_verification(report: dict[str, Any]) -> None:
     if report["problems_untold"]:
         console.print(f"and {report['problems_untold']} more")
     console.print("sound" if report["ok"] else "NOT sound")
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)

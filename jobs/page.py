@@ -60,8 +60,9 @@ th:first-child, td:first-child { text-align: left; }
 def write_page(folder: Path) -> Path:
     """Writes `folder`/report.html and film.webp; returns the page's path.
 
-    Reads build.json, verify.json, play.json and further play-*.json (reports of the commands) and the frames in frames/.
-    Raises ParameterError where the reports are missing, and what `open_store` raises for the store that build.json names.
+    Reads build.json, verify.json, play.json and further play-*.json (reports of the commands) and the frames in
+    frames/. Raises ParameterError where the reports are missing, and what `open_store` raises for the store that
+    build.json names.
     """
     build, verify, play = (_read(folder / f"{name}.json") for name in ("build", "verify", "play"))
     others = [_read(path) for path in sorted(folder.glob("play-*.json"))]
@@ -107,10 +108,11 @@ def _page(
     sound = "sound" if verify["ok"] else "NOT sound"
     sections = [
         f"<h1>A walk through {model['triangles']:,} triangles</h1>",
-        f'<p class="soft">{escape(Path(build["store"]).name)}: every frame draws what can be seen from its view cell, '
-        f"within {play['pixel_error']:g} pixel of error.</p>",
-        f'<figure><img src="{_data(film)}" alt="film of the walk"><figcaption>{len(frames)} frames along the '
-        "tour.</figcaption></figure>",
+        _paragraph(
+            f"{Path(build['store']).name}: every frame draws what can be seen from its view cell, within "
+            f"{play['pixel_error']:g} pixel of error."
+        ),
+        _figure(_data(film), f"{len(frames)} frames along the tour."),
         facts,
         "<h2>Along the path</h2>",
         '<div class="two">',
@@ -130,8 +132,10 @@ def _page(
         "<h2>The build</h2>",
         _stages(build),
         "<h2>The check</h2>",
-        f"<p>{verify['sampled_cells']} of {verify['cells']:,} cells, {verify['rays']:,} rays from their surfaces, "
-        f"{verify['boundaries']:,} boundaries: <b>{sound}</b>, {verify['missed']} drawables missed.</p>",
+        _paragraph(
+            f"{verify['sampled_cells']} of {verify['cells']:,} cells, {verify['rays']:,} rays from their surfaces, "
+            f"{verify['boundaries']:,} boundaries: {sound}, {verify['missed']} drawables missed."
+        ),
         _table(
             ["reported / seen", "triangles", "drawables"],
             [["all sampled cells", *(_ratio(verify["tightness"][unit]) for unit in ("triangles", "drawables"))]],
@@ -196,6 +200,15 @@ def _facts(entries: Iterable[tuple[str, str]]) -> str:
     return f'<div class="facts">{"".join(cards)}</div>'
 
 
+def _paragraph(text: str) -> str:
+    return f"<p>{escape(text)}</p>"
+
+
+def _figure(picture: str, caption: str) -> str:
+    said = escape(caption)
+    return f'<figure><img src="{picture}" alt="{said}"><figcaption>{said}</figcaption></figure>'
+
+
 def _plot(svg: str, caption: str) -> str:
     return f'<figure class="plot">{svg}<figcaption>{escape(caption)}</figcaption></figure>'
 
@@ -227,10 +240,8 @@ def _stills(frames: Sequence[Path], play: dict[str, Any]) -> Iterable[str]:
     rows = [row for row in play["frames"] if row["image"]]
     for at in np.unique(np.linspace(0, len(frames) - 1, min(STILLS, len(frames))).astype(int)).tolist():
         row = rows[at]
-        yield (
-            f'<figure><img src="{_data(frames[at], 640)}" alt="frame {row["index"]}"><figcaption>Frame {row["index"]}: '
-            f"{row['triangles']:,} triangles, {row['drawables']:,} drawables.</figcaption></figure>"
-        )
+        caption = f"Frame {row['index']}: {row['triangles']:,} triangles, {row['drawables']:,} drawables."
+        yield _figure(_data(frames[at], 640), caption)
 
 
 def _comparison(play: dict[str, Any], frames: Sequence[Path]) -> Iterable[str]:
@@ -239,15 +250,12 @@ def _comparison(play: dict[str, Any], frames: Sequence[Path]) -> Iterable[str]:
         return
     captions = {"drawn": "drawn", "full": "the full model", "difference": "their difference, magnified"}
     yield f"<h2>The worst frame against the full model: frame {compared['worst_frame']}</h2>"
-    figures = (
-        f'<figure><img src="{_data(frames[0].parent / compared["images"][what], 640)}" alt="{caption}">'
-        f"<figcaption>{caption}</figcaption></figure>"
-        for what, caption in captions.items()
-    )
+    folder = frames[0].parent
+    figures = (_figure(_data(folder / compared["images"][what], 640), said) for what, said in captions.items())
     yield f'<div class="stills">{"".join(figures)}</div>'
-    yield (
-        f"<p>{compared['holes']} holes; at most {100 * compared['largest_differing']:.2f} % of a frame's pixels differ "
-        "by more than 16 grey levels.</p>"
+    yield _paragraph(
+        f"{compared['holes']} holes; at most {100 * compared['largest_differing']:.2f} % of a frame's pixels differ by "
+        "more than 16 grey levels."
     )
 
 

@@ -52,6 +52,9 @@ def build(
     began = time.perf_counter()
     angle = pixel_angle(parameters.screen_height, parameters.field_of_view)
     place = Workplace((work or store / "work").absolute(), store.absolute())
+    for path in (place.store, place.work):
+        if path.exists() and not path.is_dir():
+            raise ParameterError(f"{path} is a file: name a directory, new or of an earlier build")
     place.store.mkdir(parents=True, exist_ok=True)
     with place.locked(), MemoryWatch() as watch:
         place.clean()

@@ -130,13 +130,13 @@ def _frame(scale: _Scale, x_marks: Sequence[float], x_top: float, x_label: str, 
         y = _y(scale.place(mark))
         parts.append(f'<line class="grid" x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_short(mark)}</text>')
-    for mark in x_marks:
-        parts.append(f'<text x="{_x(mark / x_top):.1f}" y="{HEIGHT - 22}" text-anchor="middle">{_short(mark)}</text>')
-    parts.append(f'<text x="{_x(0.5):.0f}" y="{HEIGHT - 5}" text-anchor="middle">{escape(x_label)}</text>')
-    middle = _y(0.5)
-    parts.append(
-        f'<text x="14" y="{middle:.0f}" text-anchor="middle" transform="rotate(-90 14 {middle:.0f})">{escape(y_label)}</text>'
+    parts.extend(
+        f'<text x="{_x(mark / x_top):.1f}" y="{HEIGHT - 22}" text-anchor="middle">{_short(mark)}</text>'
+        for mark in x_marks
     )
+    parts.append(f'<text x="{_x(0.5):.0f}" y="{HEIGHT - 5}" text-anchor="middle">{escape(x_label)}</text>')
+    turned = f'x="14" y="{_y(0.5):.0f}" text-anchor="middle" transform="rotate(-90 14 {_y(0.5):.0f})"'
+    parts.append(f"<text {turned}>{escape(y_label)}</text>")
     return parts
 
 

@@ -1,7 +1,7 @@
 """Which packs stay on the GPU: the ones used last, within a budget of bytes; what is drawn is locked.
 
-Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6
-(locked least-recently-used cache).
+Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
+section 6 (locked least-recently-used cache).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class PackCache:
     """
 
     def __init__(self, sizes: NDArray[np.int64], budget: int) -> None:
-        """sizes (packs,): bytes of each pack on the GPU; budget: in bytes."""
+        """Sizes (packs,): bytes of each pack on the GPU; budget: in bytes."""
         self._sizes = sizes
         self._budget = budget
         self._resident = np.zeros(len(sizes), np.bool_)

@@ -47,7 +47,7 @@ def difference(picture: Picture, full: Picture) -> Difference:
 
 
 def holes(picture: Picture, full: Picture) -> NDArray[np.bool_]:
-    """Pixels (height, width) that show surface in `full` while `picture` has only background in their 3x3 neighbourhood."""
+    """Pixels (height, width) with surface in `full` and only background in their 3x3 neighbourhood in `picture`."""
     surface = np.pad(picture[..., 3] > 0, 1)
     rows = surface[:-2] | surface[1:-1] | surface[2:]
     near = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

@@ -1,8 +1,8 @@
 """What can go wrong for a user of the player, beside what storage.errors names.
 
-    VlodError
-    ├── GraphicsError   OpenGL is missing or too old, or there is no display (also a RuntimeError)
-    └── PathError       a path file that is not one, or does not fit (also a ValueError)
+VlodError
+├── GraphicsError   OpenGL is missing or too old, or there is no display (also a RuntimeError)
+└── PathError       a path file that is not one, or does not fit (also a ValueError)
 """
 
 from __future__ import annotations

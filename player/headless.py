@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from player.compare import Difference, Picture, difference, magnified
-from player.path import CameraPath
+from player.path import CameraPath, write_whole
 from player.renderer.context import Abilities, abilities, headless_context
 from player.renderer.target import Target
 from player.scene import Scene
@@ -176,13 +177,14 @@ def totals(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "max": float(values.max()),
         }
 
-    keys = ("triangles", "drawables", "draw_calls", "strategy_ms", "cpu_ms", "wait_ms", "draw_ms", "frame_ms", "cache_bytes")
+    counts = ("triangles", "drawables", "draw_calls", "cache_bytes")
+    times = ("strategy_ms", "cpu_ms", "wait_ms", "draw_ms", "frame_ms")
     return {
         "frames": len(rows),
         "computed_frames": sum(row["computed"] for row in rows),
-        "cells_entered": 1 + sum(a["cell"] != b["cell"] for a, b in zip(rows, rows[1:], strict=False)),
+        "cells_entered": 1 + sum(a["cell"] != b["cell"] for a, b in pairwise(rows)),
         "bytes_fetched": rows[-1]["bytes_fetched"],
-        **{key: over(key) for key in keys},
+        **{key: over(key) for key in counts + times},
     }
 
 
@@ -192,12 +194,8 @@ def save(file: Path, picture: np.ndarray) -> None:
 
 
 def write_report(file: str | os.PathLike[str], report: Report) -> None:
-    """Writes the report as JSON, whole or not at all."""
-    target = Path(file)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    temporary.write_text(json.dumps(report.content, indent=1) + "\n")
-    temporary.replace(target)
+    """Writes the report as JSON, whole or not at all. Raises PathError where that is not possible."""
+    write_whole(Path(file), json.dumps(report.content, indent=1) + "\n")
 
 
 def _badness(frame: Frame) -> tuple[int, float]:

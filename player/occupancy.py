@@ -2,8 +2,8 @@
 
 Pure functions of arrays. A grid is indexed [x, y, z]; voxel i spans lo + size * i to lo + size * (i + 1) on each axis.
 
-Based on: Schwarz, Seidel: Fast Parallel Surface and Solid Voxelization on GPUs, SIGGRAPH Asia 2010 (triangles to voxels);
-Borgefors: Distance Transformations in Digital Images, CVGIP 34, 1986 (chamfer distance); Dijkstra 1959.
+Based on: Schwarz, Seidel: Fast Parallel Surface and Solid Voxelization on GPUs, SIGGRAPH Asia 2010 (triangles to
+voxels); Borgefors: Distance Transformations in Digital Images, CVGIP 34, 1986 (chamfer distance); Dijkstra 1959.
 """
 
 from __future__ import annotations
@@ -24,32 +24,41 @@ def mark_triangles(
     lo (3,), size: the grid's corner and the voxels' edge, in model units.
     """
     half = 0.5 + 1e-6
+    p = np.empty((3, 3))
+    first = np.empty(3, np.int64)
+    last = np.empty(3, np.int64)
+    normal = np.empty(3)
+    centre = np.empty(3)
     for t in range(len(corners)):
-        p = (corners[t] - lo) / size
-        first = np.empty(3, np.int64)
-        last = np.empty(3, np.int64)
         for axis in range(3):
-            first[axis] = max(0, int(np.floor(min(p[0, axis], p[1, axis], p[2, axis]) - 1e-6)))
-            last[axis] = min(grid.shape[axis] - 1, int(np.floor(max(p[0, axis], p[1, axis], p[2, axis]) + 1e-6)))
-        normal = np.cross(p[1] - p[0], p[2] - p[0])
-        reach = half * (abs(normal[0]) + abs(normal[1]) + abs(normal[2]))
+            for k in range(3):
+                p[k, axis] = (corners[t, k, axis] - lo[axis]) / size
+            low = min(p[0, axis], p[1, axis], p[2, axis])
+            high = max(p[0, axis], p[1, axis], p[2, axis])
+            first[axis] = max(0, int(np.floor(low - 1e-6)))
+            last[axis] = min(grid.shape[axis] - 1, int(np.floor(high + 1e-6)))
+        reach = 0.0
+        for axis in range(3):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            normal[axis] = (p[1, u] - p[0, u]) * (p[2, v] - p[0, v]) - (p[1, v] - p[0, v]) * (p[2, u] - p[0, u])
+            reach += half * abs(normal[axis])
         for x in range(first[0], last[0] + 1):
             for y in range(first[1], last[1] + 1):
                 for z in range(first[2], last[2] + 1):
-                    centre = np.array([x + 0.5, y + 0.5, z + 0.5])
-                    if abs(np.sum(normal * (centre - p[0]))) > reach:
-                        continue
-                    inside = True
+                    centre[0], centre[1], centre[2] = x + 0.5, y + 0.5, z + 0.5
+                    off = 0.0
+                    for axis in range(3):
+                        off += normal[axis] * (centre[axis] - p[0, axis])
+                    touches = abs(off) <= reach
                     for axis in range(3):  # the triangle's shadow along each axis against the voxel's
                         u, v = (axis + 1) % 3, (axis + 2) % 3
                         turn = 1.0 if normal[axis] >= 0 else -1.0
                         for k in range(3):
-                            a, b = p[k], p[(k + 1) % 3]
-                            eu, ev = -(b[v] - a[v]) * turn, (b[u] - a[u]) * turn
-                            side = eu * (centre[u] - a[u]) + ev * (centre[v] - a[v])
-                            if side + half * (abs(eu) + abs(ev)) < 0:
-                                inside = False
-                    if inside:
+                            n = (k + 1) % 3
+                            eu, ev = (p[k, v] - p[n, v]) * turn, (p[n, u] - p[k, u]) * turn
+                            side = eu * (centre[u] - p[k, u]) + ev * (centre[v] - p[k, v])
+                            touches &= side + half * (abs(eu) + abs(ev)) >= 0
+                    if touches:
                         grid[x, y, z] = True
 
 
@@ -88,7 +97,7 @@ def clearance(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:  # pragma: no
 
 @njit(cache=True, nogil=True)
 def free_run(occupied: NDArray[np.bool_], axis: int, sign: int) -> NDArray[np.int32]:  # pragma: no cover - compiled
-    """Free voxels (nx, ny, nz) int32 between each voxel and the next occupied one along an axis; -1 where there is none.
+    """Free voxels (nx, ny, nz) int32 between each voxel and the next occupied one along an axis; -1: there is none.
 
     sign: +1 looks towards larger indices, -1 towards smaller ones. Occupied voxels have 0.
     """
@@ -128,7 +137,14 @@ def enclosure(
                 y += directions[d, 1]
                 z += directions[d, 2]
                 i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-                if i < 0 or j < 0 or k < 0 or i >= occupied.shape[0] or j >= occupied.shape[1] or k >= occupied.shape[2]:
+                if (
+                    i < 0
+                    or j < 0
+                    or k < 0
+                    or i >= occupied.shape[0]
+                    or j >= occupied.shape[1]
+                    or k >= occupied.shape[2]
+                ):
                     break
                 if occupied[i, j, k]:
                     hits += 1
@@ -144,7 +160,7 @@ def cheapest_ways(
     """The cheapest ways from voxel `start` (flat index) to all others, through 26 neighbours.
 
     cost (nx, ny, nz): of one voxel's length of way through each voxel; infinite where no way leads.
-    Returns (n,) float32 the cost of the way to each voxel, infinite where there is none; (n,) int32 the voxel before it.
+    Returns (n,) float32, the cost of the way to each voxel, infinite where there is none; (n,) int32: the one before.
     """
     nx, ny, nz = cost.shape
     flat = cost.ravel()

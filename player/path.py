@@ -45,6 +45,12 @@ class CameraPath:
         """Seconds from the first pose to the last."""
         return float(self.times[-1] - self.times[0])
 
+    @property
+    def length(self) -> float:
+        """Way along the positions, in model units."""
+        steps = np.diff(self.positions, axis=0)
+        return float(np.sqrt((steps * steps).sum(axis=1)).sum())
+
     def pose(self, index: int) -> tuple[Vector, Vector]:
         """Position (3,) and orientation (4,) of a stored pose."""
         return self.positions[index], self.orientations[index]
@@ -91,8 +97,8 @@ def slerp(a: Vector, b: Vector, t: float) -> Vector:
     return normalised((np.sin((1 - t) * angle) * a + np.sin(t * angle) * b) / np.sin(angle))
 
 
-def write_path(file: str | os.PathLike[str], path: CameraPath) -> None:
-    """Writes a path file; whoever reads it sees the former file or the whole new one."""
+def path_text(path: CameraPath) -> str:
+    """The content of a path file."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -100,10 +106,23 @@ def write_path(file: str | os.PathLike[str], path: CameraPath) -> None:
         "positions": path.positions.tolist(),
         "orientations": path.orientations.tolist(),
     }
-    target = Path(file)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    temporary.write_text(json.dumps(content, indent=None) + "\n")
-    temporary.replace(target)
+    return json.dumps(content) + "\n"
+
+
+def write_path(file: str | os.PathLike[str], path: CameraPath) -> None:
+    """Writes a path file; whoever reads it sees the former file or the whole new one. Raises PathError."""
+    write_whole(Path(file), path_text(path))
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Writes a text file whole or not at all, making its directory. Raises PathError where that is not possible."""
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(file)
+    except OSError as error:
+        raise PathError(f"{file} cannot be written: {error.strerror}") from error
 
 
 def read_path(file: str | os.PathLike[str]) -> CameraPath:
@@ -141,14 +160,16 @@ def read_path(file: str | os.PathLike[str]) -> CameraPath:
 
 
 def _numbers(content: dict[str, Any], key: str, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
-    what = f"a list of {shape[0]} numbers each" if shape else "numbers"
+    what = f"{shape[0]} numbers" if shape else "a number"
     value = content.get(key)
     if not isinstance(value, list):
-        raise PathError(f'{name}: "{key}" must be a list of {what}')
+        raise PathError(f'{name}: "{key}" must be a list, {what} each')
     for index, item in enumerate(value):
         items = item if isinstance(item, list) and shape else [item]
         if (shape and len(items) != shape[0]) or not all(_finite(number) for number in items):
-            raise PathError(f'{name}: "{key}"[{index}] must be {"finite " if not shape else ""}{what}, not {item!r:.60}')
+            raise PathError(
+                f'{name}: "{key}"[{index}] must be {"finite " if not shape else ""}{what}, not {str(item)[:60]}'
+            )
     return np.array(value, np.float64).reshape(-1, *shape)
 
 

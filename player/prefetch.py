@@ -1,7 +1,7 @@
 """Threads that load things in the order in which they will be needed.
 
-The player keeps one wish list, most urgent first, and replaces it whenever the view changes: what is no longer wished is
-not begun any more, what has begun is finished and handed over.
+The player keeps one wish list, most urgent first, and replaces it whenever the view changes: what is no longer wished
+is not begun any more, what has begun is finished and handed over.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ class Loader(Generic[Key, Value]):
     def wish(self, keys: Iterable[Key]) -> None:
         """Replaces the wish list: `keys`, the most urgent first."""
         with self._changed:
-            self._wishes = OrderedDict((key, None) for key in keys if key not in self._loading and key not in self._done)
+            self._wishes = OrderedDict(
+                (key, None) for key in keys if key not in self._loading and key not in self._done
+            )
             self._changed.notify_all()
 
     def collect(self) -> dict[Key, Value]:

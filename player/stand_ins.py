@@ -1,4 +1,4 @@
-"""Which level to draw of a node whose chosen level has not arrived yet: never a stall, and a hole only at the very start."""
+"""Which level to draw of a node whose chosen level has not arrived yet: never a stall, hardly ever a hole."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class StandIns(NamedTuple):
 
 
 def stand_ins(ids: NDArray[np.int64], scene: Scene, ready: NDArray[np.bool_]) -> StandIns:
-    """For sorted drawable `ids`: themselves where `ready` (drawables,), else the next coarser level of their node that is
-    ready, else the next finer one, else nothing.
+    """For sorted drawable `ids`: themselves where `ready` (drawables,), else the next coarser level of their node that
+    is ready, else the next finer one, else nothing.
     """
     there = ready[ids]
     if there.all():

@@ -1,9 +1,9 @@
 """The automatic tour: a walk through the most interesting rooms of a model that keeps clear of its surfaces.
 
 The model's coarse levels are drawn into a grid of voxels. Where a floor lies below at eye height one can walk; a place
-is interesting if there is something to see around it. The walk visits places far apart in the largest interesting region,
-along ways that keep off the walls, smoothed, looking ahead. Where there is no such region (a single machine in the void,
-say), the tour circles around the model instead.
+is interesting if there is something to see around it. The walk visits places far apart in the largest interesting
+region, along ways that keep off the walls, smoothed, looking ahead. Where there is no such region (a single machine in
+the void, say), the tour circles around the model instead.
 """
 
 from __future__ import annotations
@@ -22,14 +22,20 @@ from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, y
 #: Voxels in the grid.
 _VOXELS = 3_000_000
 
-#: Height of a walker's eyes, in metres, where the model's size makes that likely.
+#: Voxels from the floor to a walker's eyes at which ways are still found well.
+_VOXELS_HIGH = 8
+
+#: Height of a walker's eyes, in metres.
 _EYE_HEIGHT = 1.65
+
+#: A person whose eyes are lower than this part of the rooms' height stands in a model whose unit is not what it says.
+_LOWEST = 0.04
 
 #: Pictures a second of a tour that is played back.
 FRAMES_PER_SECOND = 25.0
 
 #: Way between two frames, in eye heights: brisk, but no chase.
-_STEP = 0.08
+_STEP = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +62,29 @@ class _Region:
     room: NDArray[np.float32]  # (nx, ny, nz) distance to the nearest surface, in voxels
 
 
-def make_tour(scene: Scene, *, frames: int, seed: int) -> CameraPath:
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What the tour knows of a model."""
+
+    voxels: Voxels
+    eye_height: float  # of a walker above the floor, in model units
+
+
+def survey(scene: Scene) -> Survey:
+    """Looks at the model's coarse levels; the same for the same store."""
+    voxels = _voxelise(scene)
+    eyes = _eye_height(scene, voxels)
+    return Survey(_coarser(voxels, int(eyes / (_VOXELS_HIGH * voxels.size))), eyes)
+
+
+def make_tour(scene: Scene, known: Survey, *, frames: int, seed: int) -> CameraPath:
     """A tour of `frames` poses at FRAMES_PER_SECOND; the same for the same store, frames and seed."""
-    walk = _walk(scene, frames=max(frames, 2), seed=seed)
+    walk = _walk(scene, known, frames=max(frames, 2), seed=seed)
     path = _orbit(scene, frames=max(frames, 2), seed=seed) if walk is None else walk
     return CameraPath(path.times[:frames], path.positions[:frames], path.orientations[:frames])
 
 
-def voxelise(scene: Scene) -> Voxels:
+def _voxelise(scene: Scene) -> Voxels:
     """The model on a grid of about _VOXELS voxels, a margin of two voxels around it."""
     extent = np.maximum(scene.hi - scene.lo, 1e-3 * scene.extent)
     size = float(max((extent.prod() / _VOXELS) ** (1 / 3), extent.max() / 600))
@@ -74,6 +95,17 @@ def voxelise(scene: Scene) -> Voxels:
         mesh = scene.store.mesh(drawable)
         mark_triangles(occupied, mesh.positions.astype(np.float64)[mesh.triangles], lo, size)
     return Voxels(occupied, lo, size)
+
+
+def _coarser(voxels: Voxels, factor: int) -> Voxels:
+    """Voxels `factor` times as large, occupied where any of the small ones is."""
+    if factor < 2:
+        return voxels
+    small = voxels.occupied
+    padded = np.pad(small, [(0, -length % factor) for length in small.shape])
+    x, y, z = (length // factor for length in padded.shape)
+    occupied = padded.reshape(x, factor, y, factor, z, factor).any(axis=(1, 3, 5))
+    return Voxels(np.ascontiguousarray(occupied), voxels.lo, voxels.size * factor)
 
 
 def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
@@ -90,42 +122,44 @@ def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
 
 
 def _eye_height(scene: Scene, voxels: Voxels) -> float:
-    """In model units: a person's where that fits the model, else a part of the model's height."""
-    up = AXES[str(scene.store.manifest.model["up"])]
-    height = float(scene.hi[up] - scene.lo[up])
-    metres = float(scene.store.manifest.model["unit_in_metres"])
-    person = _EYE_HEIGHT / metres
-    fits = 3 * person < scene.extent < 5000 * person
-    return float(np.clip(person if fits else 0.4 * height, 2.5 * voxels.size, max(0.45 * height, 2.5 * voxels.size)))
+    """Height of a walker's eyes in model units: a person's, unless the rooms' height says that the unit is a guess."""
+    model = scene.store.manifest.model
+    up = AXES[str(model["up"])]
+    person = _EYE_HEIGHT / float(model["unit_in_metres"])
+    floors = free_run(voxels.occupied, up, -1) == 0
+    floors &= ~voxels.occupied
+    above = free_run(voxels.occupied, up, 1)[floors]
+    heights = above[above >= 3] * voxels.size
+    room = float(np.median(heights)) if len(heights) else float(scene.hi[up] - scene.lo[up])
+    return max(person if _LOWEST * room < person < 0.9 * room else 0.5 * room, 2.5 * voxels.size)
 
 
-def _walk(scene: Scene, *, frames: int, seed: int) -> CameraPath | None:
-    voxels = voxelise(scene)
-    eye_height = _eye_height(scene, voxels)
-    region = _region(scene, voxels, eye_height)
+def _walk(scene: Scene, known: Survey, *, frames: int, seed: int) -> CameraPath | None:
+    voxels, eyes = known.voxels, known.eye_height
+    region = _region(scene, voxels, eyes)
     if region is None:
         return None
-    length = frames * _STEP * eye_height
-    line = _route(region, voxels, length, np.random.default_rng(seed))
-    if line is None:
+    length = frames * _STEP * eyes
+    route = _route(region, voxels, length, np.random.default_rng(seed))
+    if route is None:
         return None
-    line = _smooth(voxels.centres(line), voxels, region.room, eye_height)
+    line = _smooth(voxels.centres(route), voxels, region.room, eyes)
     way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
-    if way[-1] < min(2 * eye_height, length / 2):
+    if way[-1] < min(2 * eyes, length / 2):
         return None
     stops = np.linspace(0, min(way[-1], length), frames)
     positions = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
-    return _looking_ahead(scene, positions, eye_height)
+    return _looking_ahead(scene, positions, eyes)
 
 
-def _region(scene: Scene, voxels: Voxels, eye_height: float) -> _Region | None:
+def _region(scene: Scene, voxels: Voxels, eyes: float) -> _Region | None:
     """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
     store, occupied = scene.store, voxels.occupied
     up = AXES[str(store.manifest.model["up"])]
-    eye = eye_height / voxels.size
+    eye = eyes / voxels.size
     room = clearance(occupied)
     below = free_run(occupied, up, -1)
-    walkable = (below >= 0.55 * eye - 1) & (below <= 1.5 * eye) & (room >= 1.5)
+    walkable = (below >= 0.6 * eye - 1) & (below <= 1.4 * eye) & (room >= 1.5)
     places = np.argwhere(walkable)
     if len(places) and store.cells["computed"].any():
         computed = store.cell_at(voxels.centres(places)) >= 0
@@ -138,9 +172,9 @@ def _region(scene: Scene, voxels: Voxels, eye_height: float) -> _Region | None:
     above = free_run(occupied, up, 1)[at] >= 0
     interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)
     off_height = np.abs(below[at] + 0.5 - eye) / eye
-    tight = 1 / np.maximum(room[at] - 0.5, 0.25)
+    tight = np.maximum(1 - room[at] / (0.7 * eye), 0) ** 2 + 0.3 / np.maximum(room[at] - 0.5, 0.25)
     cost = np.full(occupied.shape, np.inf, np.float32)
-    cost[at] = 1 + 3 * off_height + 2 * tight + 4 * (1 - interest)
+    cost[at] = 1 + 3 * off_height + 6 * tight + 4 * (1 - interest)
     flat = np.ravel_multi_index(at, occupied.shape).astype(np.int64)
     best: NDArray[np.bool_] | None = None
     left = np.ones(len(flat), np.bool_)
@@ -172,12 +206,10 @@ def _horizontal(up: int) -> NDArray[np.float64]:
     return directions
 
 
-def _route(
-    region: _Region, voxels: Voxels, length: float, random: np.random.Generator
-) -> NDArray[np.int64] | None:
+def _route(region: _Region, voxels: Voxels, length: float, random: np.random.Generator) -> NDArray[np.int64] | None:
     """Voxels (n, 3) along a way of at least `length` model units through places far apart, if the region has one."""
     attraction = region.interest.astype(np.float64) * (0.85 + 0.3 * random.random(len(region.flat)))
-    attraction *= np.minimum(region.room.ravel()[region.flat], 4) / 4
+    attraction *= np.minimum(region.room.ravel()[region.flat], 5) / 5
     here = int(region.flat[np.argmax(attraction)])
     visited = np.full(len(region.flat), np.inf)
     pieces: list[NDArray[np.int64]] = []
@@ -205,15 +237,13 @@ def _route(
     return np.concatenate(pieces) if pieces else None
 
 
-def _smooth(
-    line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32], eye_height: float
-) -> NDArray[np.float64]:
+def _smooth(line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32], eyes: float) -> NDArray[np.float64]:
     """The line (n, 3) with its corners rounded, as far as it stays at least a voxel and a half off every surface."""
     way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
     count = max(int(way[-1] / (0.5 * voxels.size)), 2) + 1
     stops = np.linspace(0, way[-1], count)
     points = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
-    sigma = 0.6 * eye_height / (0.5 * voxels.size)
+    sigma = 0.6 * eyes / (0.5 * voxels.size)
     for _ in range(8):
         smoother = _blurred(points, sigma / 3)
         voxel = np.floor((smoother - voxels.lo) / voxels.size).astype(np.int64)
@@ -241,13 +271,13 @@ def _eroded(values: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
     return np.min([padded[k : k + len(values)] for k in range(2 * steps + 1)], axis=0)
 
 
-def _looking_ahead(scene: Scene, positions: NDArray[np.float64], eye_height: float) -> CameraPath:
+def _looking_ahead(scene: Scene, positions: NDArray[np.float64], eyes: float) -> CameraPath:
     """Poses that look along the motion, a little ahead, turning smoothly and never far up or down."""
     up_name = str(scene.store.manifest.model["up"])
     up = up_vector(up_name)
     step = max(float(np.sqrt(((positions[1] - positions[0]) ** 2).sum())), 1e-12)
-    ahead = max(2, round(1.5 * eye_height / step))
-    beyond = positions[-1] + (positions[-1] - positions[-2]) / step * eye_height * np.linspace(0.2, 2, 10)[:, None]
+    ahead = max(2, round(1.5 * eyes / step))
+    beyond = positions[-1] + (positions[-1] - positions[-2]) / step * eyes * np.linspace(0.2, 2, 10)[:, None]
     line = np.concatenate([positions, beyond])
     targets = line[np.minimum(np.arange(len(positions)) + ahead, len(line) - 1)]
     yaws, pitches = np.transpose([direction_yaw_pitch(d, up_name) for d in targets - positions])

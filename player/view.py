@@ -1,7 +1,8 @@
 """Where one looks from: position, orientation, lens; the projection and the view frustum.
 
-Conventions, as in glTF: quaternions are (x, y, z, w) and turn camera axes into model axes; the camera looks along its -z,
-its x points right and its y up. Depth is reversed (1 at the near plane, 0 infinitely far) where the context can do it.
+Conventions, as in glTF: quaternions are (x, y, z, w) and turn camera axes into model axes; the camera looks along its
+-z, its x points right and its y up. Depth is reversed (1 at the near plane, 0 infinitely far) where the
+context can do it.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ _HELP = (
     ("wheel", "speed (hold shift: four times)"),
     ("G", "walk or fly"),
     ("1  2  3", "strategy: vlod, frustum, none"),
-    ("+  -", "allowed error in pixels"),
+    ("+  -", "allowed error in pixels (also page up, page down)"),
     ("F", "freeze culling"),
     ("P", "screenshot"),
     ("R  T", "record a path; replay it"),
@@ -96,9 +96,10 @@ class Viewer:
         if self.show_statistics:
             self.overlay.draw(self._statistics_rows(statistics), self.window.fbo, self.target.size, "top left")
         if self.show_help:
-            self.overlay.draw(_HELP, self.window.fbo, self.target.size, "bottom left")
-        elif self.message:
-            self.overlay.draw([(self.message,)], self.window.fbo, self.target.size, "bottom left")
+            self.overlay.draw(_HELP, self.window.fbo, self.target.size, "bottom right")
+        if self.message or statistics.absent:
+            message = f"{self.walk.packs.pending} packs to come ..." if statistics.absent else self.message
+            self.overlay.draw([(message,)], self.window.fbo, self.target.size, "bottom left")
         return statistics
 
     def view(self) -> View:
@@ -191,9 +192,9 @@ class Viewer:
             keys.NUMBER_2: lambda: self._use(1),
             keys.NUMBER_3: lambda: self._use(2),
             keys.EQUAL: lambda: self._change_error(1.25),
-            keys.NUMPAD_ADD: lambda: self._change_error(1.25),
+            keys.PAGE_UP: lambda: self._change_error(1.25),
             keys.MINUS: lambda: self._change_error(0.8),
-            keys.NUMPAD_SUBTRACT: lambda: self._change_error(0.8),
+            keys.PAGE_DOWN: lambda: self._change_error(0.8),
             keys.F: self._freeze,
             keys.G: self._toggle_walking,
             keys.H: self._toggle_help,
@@ -291,7 +292,7 @@ def open_window(screen: Screen, title: str) -> Any:
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise GraphicsError(f"there is no display to open a window on: {cure}")
     try:
-        import moderngl_window  # noqa: PLC0415
+        import moderngl_window
 
         window_class = moderngl_window.get_local_window_cls("pyglet")
         window = window_class(

@@ -1,7 +1,7 @@
 """`vlod`, the command line: finds each subcommand where it lives and imports it only when it is asked for.
 
-Exit codes: 0 done, 1 a check failed, 2 wrong usage or bad input, 130 interrupted. What a user can cause or cure ends in one
-clear line, never in a traceback.
+Exit codes: 0 done, 1 a check failed, 2 wrong usage or bad input, 130 interrupted. What a user can cause or cure ends
+in one clear line, never in a traceback.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import importlib
 import sys
-from collections.abc import Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import click
@@ -57,11 +56,11 @@ _FILE_TROUBLES = (
 class LazyGroup(click.Group):
     """A group whose subcommands are imported when they are used, and which ends in one line on errors."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """The subcommands in the order of a user's way through them."""
         return list(_COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """The subcommand, imported now. Raises MissingDependencyError if what it needs is not installed."""
         if cmd_name not in _COMMANDS:
             return None
@@ -72,26 +71,25 @@ class LazyGroup(click.Group):
             raise _missing(error, cmd_name) from error
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Lists the subcommands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, lazy.help) for name, lazy in _COMMANDS.items()])
 
-    def main(  # type: ignore[override]
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        **extra: Any,
-    ) -> NoReturn:
-        """Runs the command line and exits; the exit code is the module's."""
-        sys.exit(self._run(args, prog_name, complete_var, extra))
-
-    def _run(self, args: Sequence[str] | None, prog_name: str | None, complete_var: str | None, extra: Any) -> int:
-        given = list(sys.argv[1:] if args is None else args)
+    def invoke(self, ctx: click.Context) -> Any:
+        """Runs the subcommand. Raises MissingDependencyError if something that it needs is not installed."""
         try:
-            code = super().main(given, prog_name, complete_var, standalone_mode=False, **extra)
+            return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            raise _missing(error, ctx.invoked_subcommand or "") from error
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        """Runs the command line and exits with a code of the list at the top of this file."""
+        sys.exit(self._run(*args, **options))
+
+    def _run(self, *args: Any, **options: Any) -> int:
+        try:
+            code = super().main(*args, **{**options, "standalone_mode": False})
             return code if isinstance(code, int) else 0
         except click.ClickException as error:
             error.show()
@@ -101,11 +99,6 @@ class LazyGroup(click.Group):
             return 130
         except VlodError as error:
             return _refuse(str(error))
-        except ModuleNotFoundError as error:
-            command = next((word for word in given if word in _COMMANDS), None)
-            if command is None or _is_own(error):
-                raise
-            return _refuse(str(_missing(error, command)))
         except OSError as error:
             if error.errno not in _FILE_TROUBLES:
                 raise
@@ -133,14 +126,12 @@ def _refuse(message: str) -> int:
     return 2
 
 
-def _is_own(error: ModuleNotFoundError) -> bool:
-    return (error.name or "").split(".")[0] in _OWN
-
-
 def _missing(error: ModuleNotFoundError, command: str) -> MissingDependencyError:
-    extra = _COMMANDS[command].extra
-    if extra is None or (_is_own(error) and error.name != extra):
+    """What to tell a user about a module that is not there. Raises `error` again if it is a fault in vLOD."""
+    extra = _COMMANDS[command].extra if command in _COMMANDS else None
+    missing = error.name or ""
+    if extra is None or (missing != extra and missing.split(".")[0] in _OWN):
         raise error
     return MissingDependencyError(
-        f"vlod {command} needs vlod[{extra}] ({error.name} is not installed): pip install 'vlod[{extra}]'"
+        f"vlod {command} needs vlod[{extra}] ({missing} is not installed): pip install 'vlod[{extra}]'"
     )

@@ -1,15 +1,16 @@
 """Triangles as one or two bytes each, and which vertices foretell each vertex's position.
 
-A triangle that shares an edge with one of the last ones is coded by that edge and by its third vertex, which is mostly the
-next new one. Across the shared edge lies the vertex that foretells the new one: the fourth corner of the parallelogram.
+A triangle that shares an edge with one of the last ones is coded by that edge and by its third vertex, which is mostly
+the next new one. Across the shared edge lies the vertex that foretells the new one: the fourth corner of the
+parallelogram.
 
 Based on: Kapoulkine, meshoptimizer's index codec (https://github.com/zeux/meshoptimizer, src/indexcodec.cpp);
 Touma and Gotsman, Triangle Mesh Compression, Graphics Interface 1998 (the parallelogram rule).
 
-Codes, one byte a triangle: high nibble 0-14: the directed edge of that age among the last ones, 15: none; low nibble: the
-third (or, without an edge, the first) vertex: 0: the next new one, 1-14: the vertex of that age, less one, among the last
-ones, 15: named by a number. Without an edge, a further byte in `more` has the second vertex in its high and the third in its
-low nibble. Named vertices go into `named`: the difference from the last named one, zigzagged.
+Codes, one byte a triangle: high nibble 0-14: the directed edge of that age among the last ones, 15: none; low nibble:
+the third (or, without an edge, the first) vertex: 0: the next new one, 1-14: the vertex of that age, less one, among
+the last ones, 15: named by a number. Without an edge, a further byte in `more` has the second vertex in its high and
+the third in its low nibble. Named vertices go into `named`: the difference from the last named one, zigzagged.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def encode_triangles(
                 named[names] = 2 * difference if difference >= 0 else -2 * difference - 1
                 names += 1
                 last = vertex
-            if nibble == 0 or nibble == 15:
+            if nibble in (0, 15):
                 ring_at = _remember_vertex(ring, ring_at, vertex)
             if found < 15 or k == 0:
                 code = (found << 4) | nibble
@@ -125,8 +126,8 @@ def decode_triangles(
 ) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
     """Triangles (m, 3) uint32 of what `encode_triangles` gave, and what foretells each vertex (vertices, 3) int32.
 
-    A vertex v lies about where a + b - c does, (a, b, c) its row, all of them below v; -1 for b and c: about where a does;
-    -1 for all: nothing is known. Raises ValueError for codes that make no sense.
+    A vertex v lies about where a + b - c does, (a, b, c) its row, all of them below v; -1 for b and c: about where a
+    does; -1 for all: nothing is known. Raises ValueError for codes that make no sense.
     """
     count = len(codes)
     triangles = np.empty((count, 3), np.uint32)
@@ -145,20 +146,20 @@ def decode_triangles(
     last = 0
     corners = np.empty(3, np.int64)
     for t in range(count):
-        found = codes[t] >> 4
-        across = np.int64(-1)
+        found = int(codes[t]) >> 4
+        across = -1
         second = 0
         if found < 15:
             slot = (edge_at - 1 - found) & (MEMORY - 1)
-            corners[0], corners[1], across = edges[slot, 0], edges[slot, 1], edges[slot, 2]
+            corners[0], corners[1], across = edges[slot, 0], edges[slot, 1], int(edges[slot, 2])
         else:
             if mores >= len(more):
                 raise ValueError("the codes of triangles end too soon")
-            second = np.int64(more[mores])
+            second = int(more[mores])
             mores += 1
         for k in range(2 if found < 15 else 0, 3):
             if found < 15 or k == 0:
-                nibble = np.int64(codes[t] & 15)
+                nibble = int(codes[t]) & 15
             elif k == 1:
                 nibble = second >> 4
             else:
@@ -167,17 +168,17 @@ def decode_triangles(
                 vertex = fresh
                 fresh += 1
             elif nibble < 15:
-                vertex = ring[(ring_at - nibble) & (MEMORY - 1)]
+                vertex = int(ring[(ring_at - nibble) & (MEMORY - 1)])
             else:
                 if names >= len(named):
                     raise ValueError("the names of vertices end too soon")
-                zigzag = np.int64(named[names])
+                zigzag = int(named[names])
                 names += 1
                 vertex = last + ((zigzag >> 1) ^ -(zigzag & 1))
                 last = vertex
             if vertex < 0 or vertex >= vertices:
                 raise ValueError("a triangle has a vertex that does not exist")
-            if nibble == 0 or nibble == 15:
+            if nibble in (0, 15):
                 ring_at = _remember_vertex(ring, ring_at, vertex)
             if nibble == 0 and found < 15:
                 a, b = corners[0], corners[1]

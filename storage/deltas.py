@@ -1,6 +1,7 @@
 """What changes from one cell's vLOD to a neighbour's: the drawables added and dropped across a boundary.
 
-Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6.
+Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
+section 6.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ def apply(ids: Ids, delta: Delta) -> Ids:
 def odd_ones(lists: Sequence[Ids]) -> Ids:
     """Ids that occur in an odd number of the lists, strictly increasing.
 
-    A chain of deltas applied at once: each adds what is not there and drops what is, so a set followed by the changes of a
-    chain ends as the ids that it and the changes name an odd number of times.
+    A chain of deltas applied at once: each adds what is not there and drops what is, so a set followed by the changes
+    of a chain ends as the ids that it and the changes name an odd number of times.
     """
     ids, counts = np.unique(np.concatenate(lists), return_counts=True)
     return ids[counts % 2 == 1].astype(np.uint32)

@@ -2,8 +2,8 @@
 
 The builder, `Store.cut` and the player all call `choose_levels`, so that they agree to the last bit.
 
-Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 4
-(the error of a level is seen from the nearest point of the cell).
+Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
+section 4 (the error of a level is seen from the nearest point of the cell).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def choose_levels(
     pixel_angle: float,
     pixel_error: float,
 ) -> NDArray[np.int64]:
-    """The drawables that stand for `nodes` as seen from the box from lo to hi (3,): one per node, sorted ids (n,) int64.
+    """The drawables that stand for `nodes` as seen from the box lo, hi (3,): one per node, sorted ids (n,) int64.
 
     nodes: NODE array, all or some of a store's; drawables: the store's whole DRAWABLE array; lo, hi: in model units;
     pixel_angle: see `pixel_angle`; pixel_error: allowed error in pixels.

@@ -11,8 +11,8 @@
     ├── ParameterError             a parameter or option outside its range (also a ValueError)
     └── MissingDependencyError     an optional dependency is not installed (also an ImportError)
 
-Each class is also the built-in exception that it is, so callers may catch either. The message is one line that names the
-path or value, says what was expected, and what to do. The command line prints that line and exits with 2.
+Each class is also the built-in exception that it is, so callers may catch either. The message is one line that names
+the path or value, says what was expected, and what to do. The command line prints that line and exits with 2.
 """
 
 from __future__ import annotations

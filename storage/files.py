@@ -44,7 +44,7 @@ class Files:
                 ) from error
             except ValueError as error:
                 raise StoreNotFoundError(
-                    f"{self.url} is no address that can be opened: {error}; give a path or a URL (http, s3, memory, ...)"
+                    f"{self.url} is no address that can be opened: {error}; give a path or a URL"
                 ) from error
 
     def read(self, path: str, start: int = 0, end: int | None = None) -> bytes:
@@ -58,7 +58,9 @@ class Files:
             raise StoreNotFoundError(f"{self.url}/{path} does not exist") from error
         except Exception as error:
             if isinstance(error, OSError) or type(error).__module__.split(".")[0] in _ASYNC_FAILURES:
-                raise StoreUnreachableError(f"{self.url}/{path} cannot be read: {error or type(error).__name__}") from error
+                raise StoreUnreachableError(
+                    f"{self.url}/{path} cannot be read: {error or type(error).__name__}"
+                ) from error
             raise
         with self._lock:
             self.bytes_fetched += len(data)

@@ -1,19 +1,19 @@
-"""Shards: immutable, content-addressed files of checksummed frames.
+r"""Shards: immutable, content-addressed files of checksummed frames.
 
 Layout of a shard (all numbers little-endian):
 
-    magic      8 bytes   b"vLODshd\\x01"
+    magic      8 bytes   b"vLODshd\x01"
     frames     the frames' bytes, one after the other
     index      one FRAME record for each frame
-    tail       32 bytes: length of the index in bytes (u8), its checksum (16 bytes), b"\\x01dhsDOLv"
+    tail       32 bytes: length of the index in bytes (u8), its checksum (16 bytes), b"\x01dhsDOLv"
 
-A shard's name is the first 32 hex digits of the SHA-256 of its whole content, so any changed byte is found by hashing the
-file; a frame's own checksum finds a changed byte when only that frame is read. Reading a frame of a shard whose index is
-known is one range request. Shards lie in the folder `shards/` of a store.
+A shard's name is the first 32 hex digits of the SHA-256 of its whole content, so any changed byte is found by hashing
+the file; a frame's own checksum finds a changed byte when only that frame is read. Reading a frame of a shard whose
+index is known is one range request. Shards lie in the folder `shards/` of a store.
 
-A shard appears under its name only once it is complete and on disk: it is written to a temporary name and then renamed. A
-reader can never observe a part of one. Temporary files left behind by a killed writer start with `.tmp-`, are never read,
-and may be deleted at any time when nothing writes.
+A shard appears under its name only once it is complete and on disk: it is written to a temporary name and then
+renamed. A reader can never observe a part of one. Temporary files left behind by a killed writer start with `.tmp-`,
+are never read, and may be deleted at any time when nothing writes.
 """
 
 from __future__ import annotations

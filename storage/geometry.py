@@ -1,14 +1,16 @@
 """Packs: several meshes in one compressed frame.
 
 A mesh is first brought into the order that compresses best (`ordered`); a pack of such meshes gives back the very same
-arrays. Stored are, in one zstd frame: the triangles between positions (storage.connectivity), which of a position's vertices
-each corner uses (storage.wedges), positions as differences from what the triangles foretell, normals as differences from
-what the shape foretells (storage.normals), and colours as differences from the vertex before. FORMAT.md has the layout.
+arrays. Stored are, in one zstd frame: the triangles between positions (storage.connectivity), which of a position's
+vertices each corner uses (storage.wedges), positions as differences from what the triangles foretell, normals as
+differences from what the shape foretells (storage.normals), and colours as differences from the vertex before.
+FORMAT.md has the layout.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +27,7 @@ from storage.wedges import decode_wedges, encode_wedges
 #: zstd level of packs: they are written once and decode as fast as any other.
 LEVEL = 12
 
-#: Numbers (u4) at the head of a pack: meshes, positions, vertices, triangles, codes of triangles: more, named, of wedges.
+#: Numbers (u4) at a pack's head: meshes, positions, vertices, triangles, bytes of more, named vertices, wedge codes.
 _HEAD = 7
 
 
@@ -57,9 +59,9 @@ class Pack(NamedTuple):
 def ordered(mesh: MeshArrays) -> MeshArrays:
     """The same mesh in the order that packs keep.
 
-    Triangles are reordered and turned (orientation and source faces stay with them), vertices are numbered by first use;
-    unused ones are dropped, and those that agree in position, normal and colour become one. Normals are rounded to what a
-    pack holds (within 0.25 degrees). Raises ValueError for arrays that do not fit together.
+    Triangles are reordered and turned (orientation and source faces stay with them), vertices are numbered by first
+    use; unused ones are dropped, and those that agree in position, normal and colour become one. Normals are rounded
+    to what a pack holds (within 0.25 degrees). Raises ValueError for arrays that do not fit together.
     """
     positions = np.ascontiguousarray(mesh.positions, np.int32).reshape(-1, 3)
     triangles = np.ascontiguousarray(mesh.triangles, np.uint32).reshape(-1, 3)
@@ -111,7 +113,7 @@ def pack(meshes: Sequence[MeshArrays]) -> bytes:
     triangles = _joined(corners, np.uint32, 3)
     names = _joined(vertices, np.uint32, 3)
     codes, more, named, turns = encode_triangles(triangles)
-    wedge_codes, wedges, sources = encode_wedges(triangles.ravel(), names.ravel(), len(positions), vertex_start)
+    wedge_codes, wedges, sources = encode_wedges(triangles.ravel(), names.ravel(), len(positions))
     if turns.any() or not np.array_equal(wedges, names.ravel()) or len(sources) != vertex_start:
         raise ValueError("meshes must be brought into order (storage.geometry.ordered) before they are packed")
     _, guides = decode_triangles(codes, more, named, len(positions))
@@ -171,7 +173,7 @@ def _unpack(content: bytes) -> Pack:
     ends = np.cumsum([4 * _HEAD, *lengths]).tolist()
     if ends[-1] != len(content):
         raise ValueError(f"it has {len(content)} bytes, not {ends[-1]}")
-    streams = [np.frombuffer(content, np.uint8)[start:end] for start, end in zip(ends[:-1], ends[1:], strict=True)]
+    streams = [np.frombuffer(content, np.uint8)[start:end] for start, end in pairwise(ends)]
     sizes = np.frombuffer(streams[0].tobytes(), "<u4").reshape(-1, 3)
     if sizes.sum(axis=0, dtype=np.int64).tolist() != [positions, vertices, triangles]:
         raise ValueError("its meshes do not add up")

@@ -1,8 +1,9 @@
 """The manifest: the small JSON file that names the shards of one version of a store.
 
-`manifest.json` is written last, in one atomic step; whoever reads it sees one whole version of the store, the former or the
-new one. Each version also stays under `versions/<number>.json`. A directory without `manifest.json` is not a store.
-The file's bytes are a pure function of what it says, and it carries a checksum of itself: any changed byte is found.
+`manifest.json` is written last, in one atomic step; whoever reads it sees one whole version of the store, the former
+or the new one. Each version also stays under `versions/<number>.json`. A directory without `manifest.json` is not a
+store. The file's bytes are a pure function of what it says, and it carries a checksum of itself: any changed byte is
+found.
 """
 
 from __future__ import annotations
@@ -87,7 +88,9 @@ def from_bytes(data: bytes, place: str) -> Manifest:
         found = content.pop("checksum")
         number = content["format"]
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-        raise CorruptStoreError(f"{damaged}: it is not a vLOD manifest; commit it again or rebuild the store") from error
+        raise CorruptStoreError(
+            f"{damaged}: it is not a vLOD manifest; commit it again or rebuild the store"
+        ) from error
     if found != _checksum(content) or _with_checksum(content) != data:
         raise CorruptStoreError(f"{damaged}: it does not match its checksum; commit it again or rebuild the store")
     if number != FORMAT:
@@ -101,9 +104,9 @@ def from_bytes(data: bytes, place: str) -> Manifest:
 def commit(root: Path, manifest: Manifest) -> int:
     """Makes `manifest` the store's current version, atomically; returns the version's number.
 
-    All shards must be there already. The same content as the current version again changes nothing. A kill at any moment
-    leaves the former version, or no store where there was none. Raises CorruptStoreError if a shard is missing or of
-    another size, or if the current manifest is damaged.
+    All shards must be there already. The same content as the current version again changes nothing. A kill at any
+    moment leaves the former version, or no store where there was none. Raises CorruptStoreError if a shard is missing
+    or of another size, or if the current manifest is damaged.
     """
     for purpose, shard in manifest.shards():
         path = root / shard_path(shard.name)

@@ -27,8 +27,8 @@ def triangle_order(triangles: NDArray[np.uint32], vertices: int, cache: int) -> 
     for t in range(count):
         for k in range(3):
             starts[triangles[t, k] + 1] += 1
-    for v in range(vertices):
-        starts[v + 1] += starts[v]
+    for vertex in range(vertices):
+        starts[vertex + 1] += starts[vertex]
     live = starts[1:] - starts[:-1]
     fill = starts[:-1].copy()
     around = np.empty(3 * count, np.int64)
@@ -53,14 +53,14 @@ def triangle_order(triangles: NDArray[np.uint32], vertices: int, cache: int) -> 
     while fan >= 0:
         found = 0
         for i in range(starts[fan], starts[fan + 1]):
-            t = around[i]
-            if emitted[t]:
+            triangle = around[i]
+            if emitted[triangle]:
                 continue
-            emitted[t] = True
-            order[done] = t
+            emitted[triangle] = True
+            order[done] = triangle
             done += 1
             for k in range(3):
-                v = np.int64(triangles[t, k])
+                v = np.int64(triangles[triangle, k])
                 dead_ends[ends] = v
                 ends += 1
                 candidates[found] = v
@@ -109,11 +109,11 @@ def same_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.uint32], NDArray[np.i
     firsts = np.empty(count, np.int64)
     used = 0
     for i in range(count):
-        mixed = np.uint64(0x9E3779B97F4A7C15)
+        mixed = 0
         for k in range(width):
-            mixed = (mixed ^ np.uint64(np.uint32(rows[i, k]))) * np.uint64(0xBF58476D1CE4E5B9)
-            mixed ^= mixed >> np.uint64(29)
-        slot = np.int64(mixed & np.uint64(slots - 1))
+            mixed = ((mixed ^ int(rows[i, k])) & 0xFFFFFFFF) * 0x45D9F3B
+            mixed ^= mixed >> 29
+        slot = mixed & (slots - 1)
         while table[slot] >= 0:
             other = firsts[table[slot]]
             equal = True

@@ -1,10 +1,10 @@
 """Unit vectors as two small integers, and what a mesh's shape foretells of its normals.
 
-The sphere is folded onto an octahedron and that into a square of (2 * LIMIT + 1)^2 points. A vertex's normal mostly is the
-mean of its triangles' normals, so only the difference from that is stored: zero where it is.
+The sphere is folded onto an octahedron and that into a square of (2 * LIMIT + 1)^2 points. A vertex's normal mostly is
+the mean of its triangles' normals, so only the difference from that is stored: zero where it is.
 
-Based on: Meyer, Suessmuth, Sussner, Stamminger, Greiner: On Floating-Point Normal Vectors, EGSR 2010 (octahedral normals);
-Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 3(2), 2014.
+Based on: Meyer, Suessmuth, Sussner, Stamminger, Greiner: On Floating-Point Normal Vectors, EGSR 2010 (octahedral
+normals); Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 3(2), 2014.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _fold(x: float, y: float, z: float) -> tuple[int, int]:
     v = y / total
     if z < 0:
         u, v = (1 - abs(v)) * (1.0 if x >= 0 else -1.0), (1 - abs(u)) * (1.0 if y >= 0 else -1.0)
-    return int(math.floor(u * LIMIT + 0.5)), int(math.floor(v * LIMIT + 0.5))
+    return math.floor(u * LIMIT + 0.5), math.floor(v * LIMIT + 0.5)
 
 
 @njit(cache=True, nogil=True)

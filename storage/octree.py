@@ -1,8 +1,8 @@
 """Keys of octree cells: neighbours, point location and boxes for leaf sets of mixed depths.
 
-A key is a location code: a leading 1, then three bits a level (bit 0: x, bit 1: y, bit 2: z), coarsest level first, as a
-uint64. The root is 1, its children are 8 to 15. A *leaf set* is any set of keys of which none is another's ancestor; it
-may have holes. All functions are vectorised over keys and hold no Python loop over cells.
+A key is a location code: a leading 1, then three bits a level (bit 0: x, bit 1: y, bit 2: z), coarsest level first, as
+a uint64. The root is 1, its children are 8 to 15. A *leaf set* is any set of keys of which none is another's ancestor;
+it may have holes. All functions are vectorised over keys and hold no Python loop over cells.
 
 Based on: Gargantini, An Effective Way to Represent Quadtrees, CACM 25(12), 1982 (location codes);
 Frisken and Perry, Simple and Efficient Traversal Methods for Quadtrees and Octrees, JGT 7(3), 2002 (neighbours).
@@ -134,8 +134,8 @@ def neighbours(keys: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """All pairs of leaves that share (part of) a face.
 
     keys: a leaf set (n,) of mixed depths, in any order, holes allowed.
-    Returns pairs (k, 2) int64 of indices into keys, first < second, sorted; and the axis (k,) int64 (0, 1 or 2) at right
-    angles to the shared face. Raises ValueError if leaves overlap.
+    Returns pairs (k, 2) int64 of indices into keys, first < second, sorted; and the axis (k,) int64 (0, 1 or 2) at
+    right angles to the shared face. Raises ValueError if leaves overlap.
     """
     leaves = LeafSet(keys)
     cells, deep = decode(leaves.keys)
@@ -204,7 +204,7 @@ class Octree:
         """
         p = np.asarray(points, np.float64).reshape(-1, 3)
         low, high = self.faces(np.zeros((1, 3)), 0), self.faces(np.ones((1, 3)), 0)
-        inside = ((p >= low) & (p <= high)).all(axis=1)
+        inside: NDArray[np.bool_] = np.all((p >= low) & (p <= high), axis=1)
         cells = 1 << MAX_DEPTH
         where = np.where(inside[:, None], (p - low) / self.size * cells, 0)
         guess = np.clip(np.floor(where), 0, cells - 1).astype(np.int64)

@@ -1,7 +1,7 @@
 """Arrays as byte planes: column by column, first the lowest byte of every row, then the second, and so on.
 
-Equal bytes lie side by side then, which is what a general compressor finds. Signed numbers are zigzagged first (0, -1, 1, -2
-become 0, 1, 2, 3), so that small ones have zeros in their higher bytes.
+Equal bytes lie side by side then, which is what a general compressor finds. Signed numbers are zigzagged first (0, -1,
+1, -2 become 0, 1, 2, 3), so that small ones have zeros in their higher bytes.
 
 Based on: Alted, Why Modern CPUs Are Starving and What Can Be Done about It, CiSE 12(2), 2010 (shuffle filters).
 """
@@ -47,10 +47,11 @@ def step_planes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
     count, columns = values.shape
     out = np.empty(columns * count, np.uint8)
     for k in range(columns):
-        before = np.uint8(0)
+        before = 0
         for i in range(count):
-            out[k * count + i] = np.uint8(values[i, k] - before)
-            before = values[i, k]
+            value = int(values[i, k])
+            out[k * count + i] = (value - before) & 255
+            before = value
     return out
 
 
@@ -60,8 +61,8 @@ def unstep_planes(planes: NDArray[np.uint8], columns: int) -> NDArray[np.uint8]:
     count = len(planes) // columns
     out = np.empty((count, columns), np.uint8)
     for k in range(columns):
-        before = np.uint8(0)
+        value = 0
         for i in range(count):
-            before = np.uint8(before + planes[k * count + i])
-            out[i, k] = before
+            value = (value + int(planes[k * count + i])) & 255
+            out[i, k] = value
     return out

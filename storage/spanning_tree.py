@@ -15,8 +15,9 @@ LONGEST_CHAIN = 16
 def spanning_forest(count: int, pairs: NDArray[np.int64], longest: int = LONGEST_CHAIN) -> NDArray[np.int64]:
     """Parents (count,) int64 of cells 0 ... count - 1 in breadth-first trees; -1 for roots.
 
-    pairs: (k, 2) int64, cells that share a face. No cell is more than `longest` steps below its root. Roots lie near the
-    middle of what they serve (the midpoint of a longest path found by two sweeps). The same input gives the same forest.
+    pairs: (k, 2) int64, cells that share a face. No cell is more than `longest` steps below its root. Roots lie near
+    the middle of what they serve (the midpoint of a longest path found by two sweeps). The same input gives the same
+    forest.
     """
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for a, b in sorted(map(tuple, pairs.tolist())):

@@ -145,8 +145,8 @@ class Geometry:
     def mesh(self, drawable: int) -> Mesh:
         """A drawable's triangles in model space.
 
-        Positions are exact integer multiples of grid.step; of instances they are snapped to it. The normals of instances
-        are turned by the inverse transpose of their matrix, and the winding of mirrored ones is reversed.
+        Positions are exact integer multiples of grid.step; of instances they are snapped to it. The normals of
+        instances are turned by the inverse transpose of their matrix, and the winding of mirrored ones is reversed.
         """
         row = self.drawables[drawable]
         local = self.local_mesh(int(row["geometry"]))
@@ -175,7 +175,9 @@ class Geometry:
         number = int(geometry["pack"])
         pack_row = self.packs[number]
         if row["level"] != 0 or pack_row["source_frame"] < 0:
-            raise ParameterError(f"drawable {drawable} is of level {row['level']}: only finest levels have source faces")
+            raise ParameterError(
+                f"drawable {drawable} is of level {row['level']}: only finest levels have source faces"
+            )
         shard = self._geometry_shards[int(pack_row["shard"])]
         faces = unpack_source_faces(shard.frame(int(pack_row["source_frame"]), Kind.SOURCE_FACES))
         start = int(geometry["triangle_start"])
@@ -189,7 +191,9 @@ class Geometry:
             try:
                 return self.files.read(path, start, end)
             except StoreNotFoundError as error:
-                raise CorruptStoreError(f"{self.files.url}/{path} is missing; copy it again or rebuild the store") from error
+                raise CorruptStoreError(
+                    f"{self.files.url}/{path} is missing; copy it again or rebuild the store"
+                ) from error
 
         return ShardReader(record, read)
 
@@ -232,7 +236,7 @@ class Store(Geometry):
 
         Cells are closed below and open above; the octree as a whole is closed.
         """
-        if self.octree is None:
+        if self.octree is None or not len(self.cells):
             return np.full(len(np.asarray(points).reshape(-1, 3)), -1, np.int64)
         found = self.octree.locate(points, self._leaves)
         return np.where((found >= 0) & self.cells["computed"][found], found, -1)
@@ -320,7 +324,9 @@ class Store(Geometry):
             try:
                 size = self.files.size(path)
                 if size is not None and size != record.bytes:
-                    yield Problem(path, f"{path} has {size} bytes, not {record.bytes}; copy it again or rebuild the store")
+                    yield Problem(
+                        path, f"{path} has {size} bytes, not {record.bytes}; copy it again or rebuild the store"
+                    )
                     continue
                 for what in self._reader(record).problems():
                     yield Problem(path, what)

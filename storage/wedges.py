@@ -1,10 +1,11 @@
 """Which vertex each corner of a triangle uses, where several vertices share a position (at creases and colour seams).
 
-The vertices at one position are its wedges. Each corner is coded by how long ago its wedge was last used at its position:
-0: a new wedge, 1: the wedge used last, 2: the one before, and so on. A position's first corner has a new wedge and no code.
+The vertices at one position are its wedges. Each corner is coded by how long ago its wedge was last used at its
+position: 0: a new wedge, 1: the wedge used last, 2: the one before, and so on. A position's first corner has a new
+wedge and no code.
 
-Based on: Isenburg and Snoeyink, Face Fixer: Compressing Polygon Meshes with Properties, SIGGRAPH 2000, section 5 (corners'
-attributes coded around vertices); the move-to-front rule is Bentley et al., CACM 29(4), 1986.
+Based on: Isenburg and Snoeyink, Face Fixer: Compressing Polygon Meshes with Properties, SIGGRAPH 2000, section 5
+(corners' attributes coded around vertices); the move-to-front rule is Bentley et al., CACM 29(4), 1986.
 """
 
 from __future__ import annotations
@@ -19,12 +20,11 @@ LARGEST = 255
 
 @njit(cache=True, nogil=True)
 def encode_wedges(
-    corners: NDArray[np.uint32], vertices: NDArray[np.uint32], positions: int, count: int
+    corners: NDArray[np.uint32], vertices: NDArray[np.uint32], positions: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint32]]:
     """Codes (k,) uint8 of corners, their wedges (c,) uint32 by first use, and the vertex (w,) uint32 of each wedge.
 
-    corners: position of each corner (c,), below `positions`; vertices: its vertex (c,), below `count`; a vertex has one
-    position.
+    corners: position of each corner (c,), below `positions`; vertices: its vertex (c,); a vertex has one position.
     """
     newest = np.full(positions, -1, np.int64)
     older = np.full(len(corners), -1, np.int64)
@@ -67,8 +67,8 @@ def decode_wedges(
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """The wedge (c,) uint32 of each corner and the position (count,) uint32 of each wedge.
 
-    corners: position of each corner (c,), below `positions`; count: how many wedges there are. Raises ValueError for codes
-    that make no sense.
+    corners: position of each corner (c,), below `positions`; count: how many wedges there are. Raises ValueError for
+    codes that make no sense.
     """
     newest = np.full(positions, -1, np.int64)
     older = np.full(count, -1, np.int64)

@@ -10,8 +10,8 @@ The order of a build:
     cells_section          joins the cells of all shards and names them in the manifest
     commit                 makes it a store, or the store's next version
 
-Whatever is written before `commit` is invisible to readers. Each shard is whole or absent. The same input gives the same
-bytes and the same names, whoever writes them in whatever order.
+Whatever is written before `commit` is invisible to readers. Each shard is whole or absent. The same input gives the
+same bytes and the same names, whoever writes them in whatever order.
 """
 
 from __future__ import annotations
@@ -113,7 +113,8 @@ def join_geometry(records: Iterable[GeometryShardRecord]) -> tuple[np.ndarray, n
 
     Row i of a record's geometry becomes row i plus the number of rows of all records before it.
     """
-    geometry, packs, names = [np.zeros(0, GEOMETRY)], [np.zeros(0, PACK)], []
+    geometry, packs = [np.zeros(0, GEOMETRY)], [np.zeros(0, PACK)]
+    names: list[str] = []
     pack_start = 0
     for record in records:
         shifted, placed = record.geometry.copy(), record.packs.copy()
@@ -184,11 +185,10 @@ def write_cell_shard(
 ) -> str:
     """Writes the vLODs of a run of cells into one shard; returns its name.
 
-    cells: CELL (n,), the store's cells number `first` to `first + n - 1`; sets: their vLODs, strictly increasing ids each,
-    empty where nothing was computed; boundaries: (a, b, vLOD of a, vLOD of b) for all computed cells a < b of the store
-    that share a face, where a lies in this shard; in any order.
-    A cell's vLOD is its key set or a chain of at most LONGEST_CHAIN deltas from one. Raises ValueError for what does not
-    fit together.
+    cells: CELL (n,), the store's cells number `first` to `first + n - 1`; sets: their vLODs, strictly increasing ids
+    each, empty where nothing was computed; boundaries: (a, b, vLOD of a, vLOD of b) for all computed cells a < b of
+    the store that share a face, where a lies in this shard; in any order. A cell's vLOD is its key set or a chain of
+    at most LONGEST_CHAIN deltas from one. Raises ValueError for what does not fit together.
     """
     rows = np.asarray(cells, CELL)
     if len(rows) != len(sets):
@@ -232,7 +232,7 @@ def write_cell_shard(
             child = below if parents[below] == above else above if parents[above] == below else -1
             if child >= 0:
                 links[child]["frame"], links[child]["slot"] = table[number]["frame"], table[number]["slot"]
-    head = [(Kind.TABLE, pack_table(rows)), (Kind.TABLE, pack_table(links) ), (Kind.TABLE, pack_table(table))]
+    head = [(Kind.TABLE, pack_table(rows)), (Kind.TABLE, pack_table(links)), (Kind.TABLE, pack_table(table))]
     return write_shard(root, [*head, *payloads]).name
 
 

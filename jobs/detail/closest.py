@@ -17,6 +17,8 @@ from jobs.objects.weld import twins
 
 #: A triangle whose squared sine between two edges is below this is a needle: rounding spoils its inside.
 NEEDLE = 1e-10
+#: How much farther from a triangle's inside a point may be than from its edges' inner sides: see `prisms`.
+SLIM = 200.0
 #: Triangles in a leaf of the hierarchy.
 LEAF = 4
 
@@ -29,12 +31,12 @@ class Surface(NamedTuple):
     source: np.ndarray  # (m,) int32: index of the triangle in the order in which it was given
     twin: np.ndarray  # (3 m,) int32: the half-edge on the other side of each, negative where there is not just one
     corners: np.ndarray  # (m, 9) float64: first corner, and the edges from it to the second and the third
-    planes: np.ndarray  # (m, 3, 4) float64: per edge, the plane through it at right angles to the triangle: inward, offset
+    planes: np.ndarray  # (m, 4, 4) float64: the planes of the triangle's prism, see `prisms`
     box: np.ndarray  # (k, 6) float64: lo, hi of each node, the root first
     child: np.ndarray  # (k, 2) int32: the right child (the left one is the next node) and 0; or first triangle, count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def closest_on_edges(
     abx: float, aby: float, abz: float, acx: float, acy: float, acz: float, apx: float, apy: float, apz: float
 ) -> tuple[float, float, float]:
@@ -60,7 +62,7 @@ def closest_on_edges(
     return best, best_v, best_w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Squared distance of a point to triangle k of corners (m, 9) and the weights of its second and third corner.
 
@@ -107,13 +109,13 @@ def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -
     return dx * dx + dy * dy + dz * dz, v, w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def distance2(corners: np.ndarray, k: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to triangle k of corners (m, 9)."""
     return closest_weights(corners, k, x, y, z)[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to a node's box."""
     dx = max(max(box[node, 0] - x, x - box[node, 3]), 0.0)
@@ -122,7 +124,7 @@ def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> f
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def closest(
     corners: np.ndarray, box: np.ndarray, child: np.ndarray, stack: np.ndarray, x: float, y: float, z: float, hint: int
 ) -> tuple[int, float]:
@@ -164,7 +166,7 @@ def closest(
             return best, best2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def partition_by(key: np.ndarray, order: np.ndarray, first: int, last: int, middle: int) -> None:
     """Quickselect: reorder order[first:last] so that keys before `middle` are not above those from `middle` on."""
     last -= 1
@@ -188,17 +190,20 @@ def partition_by(key: np.ndarray, order: np.ndarray, first: int, last: int, midd
             return
 
 
-@njit(cache=True, nogil=True)
-def edge_planes(corners: np.ndarray) -> np.ndarray:
-    """Planes (m, 3, 4) through the edges of triangles, corners (m, 9), at right angles to them, facing inward.
+@njit(cache=True, nogil=True, error_model="numpy")
+def prisms(corners: np.ndarray) -> np.ndarray:
+    """Planes (m, 4, 4), unit normal and offset each, of triangles with corners (m, 9).
 
-    Each is a unit normal and an offset; all zero for a triangle without area.
+    The first three go through the edges at right angles to the triangle and face inward; all zero for a triangle
+    without area. The last is the triangle's own; all zero also for slim triangles: for others, a point within d of the
+    inner side of the first three is within SLIM d of a point above the triangle.
     """
-    planes = np.zeros((len(corners), 3, 4))
+    planes = np.zeros((len(corners), 4, 4))
     for k in range(len(corners)):
         abx, aby, abz = corners[k, 3], corners[k, 4], corners[k, 5]
         acx, acy, acz = corners[k, 6], corners[k, 7], corners[k, 8]
         nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
+        longest2 = 0.0
         for edge in range(3):
             px, py, pz = corners[k, 0], corners[k, 1], corners[k, 2]
             ex, ey, ez = abx, aby, abz
@@ -207,16 +212,22 @@ def edge_planes(corners: np.ndarray) -> np.ndarray:
                 px, py, pz = px + abx, py + aby, pz + abz
             elif edge == 2:
                 ex, ey, ez = -acx, -acy, -acz
+            longest2 = max(longest2, ex * ex + ey * ey + ez * ez)
             ux, uy, uz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
             length = np.sqrt(ux * ux + uy * uy + uz * uz)
             if length > 0.0:
                 ux, uy, uz = ux / length, uy / length, uz / length
                 planes[k, edge, 0], planes[k, edge, 1], planes[k, edge, 2] = ux, uy, uz
                 planes[k, edge, 3] = ux * px + uy * py + uz * pz
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if length * SLIM > 4.0 * longest2:
+            nx, ny, nz = nx / length, ny / length, nz / length
+            planes[k, 3, 0], planes[k, 3, 1], planes[k, 3, 2] = nx, ny, nz
+            planes[k, 3, 3] = nx * corners[k, 0] + ny * corners[k, 1] + nz * corners[k, 2]
     return planes
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
     """The hierarchy over triangles (m, 3) int32, m > 0, with vertices points (n, 3) float64: median splits."""
     m = len(triangles)
@@ -277,5 +288,4 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
             corners[s, i] = a
             corners[s, 3 + i] = points[triangles[t, 1], i] - a
             corners[s, 6 + i] = points[triangles[t, 2], i] - a
-    planes = edge_planes(corners)
-    return Surface(points, ordered, order, twins(ordered), corners, planes, box[:nodes].copy(), child[:nodes].copy())
+    return Surface(points, ordered, order, twins(ordered), corners, prisms(corners), box[:nodes].copy(), child[:nodes].copy())

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from jobs.detail.closest import Surface, closest, distance2
+from jobs.detail.closest import SLIM, Surface, closest, distance2
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
 MANY_CORNERS = 12
@@ -27,6 +27,8 @@ MANY_CORNERS = 12
 LARGE2 = 6.0
 #: Neighbours that are walked to before the closest triangle is looked up.
 MANY_WALKS = 6
+#: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
+ABOVE = MANY_WALKS + 1
 #: Room for a polygon's corners: cuts along three edges add at most one each.
 MAX_CORNERS = 20
 #: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
@@ -38,7 +40,7 @@ THIN = 1e-6
 EFFORT = 40
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """The closest triangle (n,) int32 of `surface` to each of points (n, 3), and the squared distance (n,)."""
     stack = np.empty(128, np.int32)
@@ -53,7 +55,7 @@ def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, n
     return nearest, squared
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def probe(a: Surface, b: Surface) -> float:
     """The largest distance to `b` found for one corner and the centre of each of the triangles of `a`: a lower bound."""
     stack = np.empty(128, np.int32)
@@ -75,7 +77,7 @@ def probe(a: Surface, b: Surface) -> float:
     return np.sqrt(largest2)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
     """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
     worst = 0
@@ -88,18 +90,55 @@ def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> t
     return bound2, worst
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: float) -> float:
+    """The largest squared distance of the polygon's n corners to triangle k; infinite as soon as it exceeds enough2."""
+    bound2 = 0.0
+    for i in range(n):
+        bound2 = max(bound2, distance2(corners, k, polygon[i, 0], polygon[i, 1], polygon[i, 2]))
+        if bound2 > enough2:
+            return np.inf
+    return bound2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
+    """The largest squared height above triangle k of the n corners of a polygon that was cut along k's edges.
+
+    Its corners may lie beyond the edges by THIN, so by SLIM * THIN from above the triangle: that is added. Infinite for
+    slim triangles.
+    """
+    x, y, z, offset = planes[k, 3, 0], planes[k, 3, 1], planes[k, 3, 2], planes[k, 3, 3]
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return np.inf
+    height = 0.0
+    for i in range(n):
+        height = max(height, abs(x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset))
+    height += SLIM * THIN
+    return height * height
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cut(
-    polygon: np.ndarray, n: int, x: float, y: float, z: float, offset: float, inside: np.ndarray, outside: np.ndarray
+    polygon: np.ndarray,
+    n: int,
+    x: float,
+    y: float,
+    z: float,
+    offset: float,
+    side: np.ndarray,
+    inside: np.ndarray,
+    outside: np.ndarray,
 ) -> tuple[int, int]:
     """Part a convex polygon at a plane, unit normal (x, y, z): the corners of the parts on its two sides.
 
     Returns the numbers of corners of `inside` (normal . p >= offset) and `outside`; (n, 0) or (0, n), with nothing
-    written, where the other part would be thinner than THIN.
+    written, where the other part would be thinner than THIN. side (MAX_CORNERS,) is scratch space.
     """
     low, high = np.inf, -np.inf
     for i in range(n):
         f = x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset
+        side[i] = f
         low = min(low, f)
         high = max(high, f)
     if low >= -THIN:
@@ -109,17 +148,15 @@ def _cut(
     n_in = 0
     n_out = 0
     for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        f = x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset
-        g = x * polygon[j, 0] + y * polygon[j, 1] + z * polygon[j, 2] - offset
+        f = side[i]
         if f >= 0.0:
-            for c in range(3):
-                inside[n_in, c] = polygon[i, c]
+            inside[n_in, 0], inside[n_in, 1], inside[n_in, 2] = polygon[i, 0], polygon[i, 1], polygon[i, 2]
             n_in += 1
         if f <= 0.0:
-            for c in range(3):
-                outside[n_out, c] = polygon[i, c]
+            outside[n_out, 0], outside[n_out, 1], outside[n_out, 2] = polygon[i, 0], polygon[i, 1], polygon[i, 2]
             n_out += 1
+        j = i + 1 if i + 1 < n else 0
+        g = side[j]
         if (f < 0.0 < g) or (g < 0.0 < f):
             s = f / (f - g)
             for c in range(3):
@@ -131,7 +168,7 @@ def _cut(
     return n_in, n_out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     """The largest squared distance between two corners, and which corners they are."""
     best, p, q = -1.0, 0, 0
@@ -146,7 +183,7 @@ def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     return best, p, q
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _size2(corners: np.ndarray, k: int) -> float:
     """The squared length of triangle k's longer edge at its first corner."""
     ab = corners[k, 3] * corners[k, 3] + corners[k, 4] * corners[k, 4] + corners[k, 5] * corners[k, 5]
@@ -154,13 +191,16 @@ def _size2(corners: np.ndarray, k: int) -> float:
     return max(ab, ac)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _part_along_edges(
-    surface: Surface,
+    planes: np.ndarray,
+    twin: np.ndarray,
     face: int,
     polygon: np.ndarray,
     n: int,
-    room: tuple[np.ndarray, np.ndarray],
+    side: np.ndarray,
+    rest: np.ndarray,
+    other: np.ndarray,
     stack: np.ndarray,
     sizes: np.ndarray,
     hints: np.ndarray,
@@ -169,24 +209,22 @@ def _part_along_edges(
     """Cut the polygon's n corners along the edges of triangle `face` and push what lies outside, with the neighbour there.
 
     Returns the new top of the stack; how many corners of `polygon`, overwritten, are left; and the triangle to try for
-    what is left: the neighbour beyond the edge that all of it lies beyond, or `face` itself where it lies above that.
-    `room` is scratch space for two polygons.
+    what is left: `face` itself where it lies above that, else the neighbour beyond the edge that all of it lies beyond,
+    -1 where there is none.
+    `side`, `rest` and `other` are scratch space.
     """
-    rest, other = room
-    planes = surface.planes
     for edge in range(3):
         x, y, z = planes[face, edge, 0], planes[face, edge, 1], planes[face, edge, 2]
-        n_in, n_out = _cut(polygon, n, x, y, z, planes[face, edge, 3], rest, other)
+        n_in, n_out = _cut(polygon, n, x, y, z, planes[face, edge, 3], side, rest, other)
         if n_out == 0:
             continue
-        beyond = surface.twin[3 * face + edge]
-        neighbour = beyond // 3 if beyond >= 0 else face
+        beyond = twin[3 * face + edge]
         if n_in == 0:
-            return top, n, neighbour
+            return top, n, beyond // 3 if beyond >= 0 else -1
         for i in range(n_out):
             for c in range(3):
                 stack[top, i, c] = other[i, c]
-        sizes[top], hints[top] = n_out, neighbour
+        sizes[top], hints[top] = n_out, beyond // 3 if beyond >= 0 else face
         top += 1
         n = n_in
         for i in range(n):
@@ -195,17 +233,18 @@ def _part_along_edges(
     return top, n, face
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _halve(
     polygon: np.ndarray,
     n: int,
-    room: tuple[np.ndarray, np.ndarray],
+    side: np.ndarray,
+    rest: np.ndarray,
+    other: np.ndarray,
     stack: np.ndarray,
     sizes: np.ndarray,
     top: int,
 ) -> int:
     """Cut the polygon across the middle of its longest extent and push both halves; the new top of the stack."""
-    rest, other = room
     long2, p, q = _longest(polygon, n)
     length = np.sqrt(long2)
     if not length > 0.0:
@@ -214,7 +253,7 @@ def _halve(
     y = (polygon[p, 1] - polygon[q, 1]) / length
     z = (polygon[p, 2] - polygon[q, 2]) / length
     px, py, pz = polygon[p, 0] + polygon[q, 0], polygon[p, 1] + polygon[q, 1], polygon[p, 2] + polygon[q, 2]
-    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, rest, other)
+    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, side, rest, other)
     if n_in == 0 or n_out == 0:
         return top
     for i in range(n_in):
@@ -227,7 +266,7 @@ def _halve(
     return top + 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def directed_bound(
     a: Surface, nearest: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
 ) -> tuple[float, float]:
@@ -236,7 +275,8 @@ def directed_bound(
     nearest (n,) int32: a triangle of `b` near each point of `a`. lower2: a known squared distance that the result need
     not undercut by refining; floor2: the same, without the slack. Returns the bound and the improved lower2.
     """
-    corners, box, child = b.corners, b.box, b.child
+    corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin
+    points, triangles = a.points, a.triangles
     query = np.empty(128, np.int32)
     stack = np.empty((MAX_STACK, MAX_CORNERS, 3))
     sizes = np.empty(MAX_STACK, np.int32)
@@ -244,23 +284,23 @@ def directed_bound(
     depths = np.empty(MAX_STACK, np.int32)
     walks = np.empty(MAX_STACK, np.int32)  # triangles tried in vain since the closest one was last looked up
     polygon = np.empty((MAX_CORNERS, 3))
-    room = (np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3)))
+    side, rest, other = np.empty(MAX_CORNERS), np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
     bound2 = 0.0
     enough2 = max(slack2 * lower2, floor2)
-    effort = EFFORT * (len(a.triangles) + len(b.triangles)) + 1000
+    effort = EFFORT * (len(triangles) + len(b.triangles)) + 1000
     last = 0
-    for t in range(len(a.triangles)):
+    for t in range(len(triangles)):
         # most triangles lie above a single one, and often above the one that the last triangle lay above
         best2 = np.inf
         start = last
         for attempt in range(4):
-            k = last if attempt == 0 else nearest[a.triangles[t, attempt - 1]]
+            k = last if attempt == 0 else nearest[triangles[t, attempt - 1]]
             if attempt > 0 and k == last:
                 continue
             worst2 = 0.0
             for e in range(3):
-                i = a.triangles[t, e]
-                worst2 = max(worst2, distance2(corners, k, a.points[i, 0], a.points[i, 1], a.points[i, 2]))
+                i = triangles[t, e]
+                worst2 = max(worst2, distance2(corners, k, points[i, 0], points[i, 1], points[i, 2]))
                 if worst2 > best2:
                     break
             if worst2 < best2:
@@ -274,7 +314,7 @@ def directed_bound(
             continue
         for e in range(3):
             for c in range(3):
-                stack[0, e, c] = a.points[a.triangles[t, e], c]
+                stack[0, e, c] = points[triangles[t, e], c]
         sizes[0], hints[0], depths[0], walks[0] = 3, start, 0, 0
         whole2 = _longest(stack[0], 3)[0]
         top = 1
@@ -287,7 +327,9 @@ def directed_bound(
             for i in range(n):
                 for c in range(3):
                     polygon[i, c] = stack[top, i, c]
-            here2, worst = _corner_bound(corners, k, polygon, n)
+            here2 = _height(planes, k, polygon, n) if walked == ABOVE else np.inf
+            if here2 > enough2:
+                here2 = _within(corners, k, polygon, n, enough2)
             if here2 <= enough2:
                 bound2 = max(bound2, here2)
                 continue
@@ -295,15 +337,16 @@ def directed_bound(
             cut = n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
             look_up = walked >= MANY_WALKS or not cut
             if look_up:
-                other, d2 = closest(
+                here2, worst = _corner_bound(corners, k, polygon, n)
+                nearer, d2 = closest(
                     corners, box, child, query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], k
                 )
                 if d2 > lower2:
                     lower2 = d2
                     enough2 = max(slack2 * lower2, floor2)
-                cut = cut and other != k
-                if other != k:
-                    k = other
+                cut = cut and nearer != k
+                if nearer != k:
+                    k = nearer
                     there2, _ = _corner_bound(corners, k, polygon, n)
                     here2 = min(here2, there2)
                 if here2 <= enough2:
@@ -311,24 +354,28 @@ def directed_bound(
                     continue
             effort -= 1
             if effort < 0 or depth >= MAX_DEPTH or top + 5 > MAX_STACK:
-                bound2 = max(bound2, here2)
+                bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
                 continue
             bottom = top
             if cut:
-                top, n, onward = _part_along_edges(b, k, polygon, n, room, stack, sizes, hints, top)
+                top, n, onward = _part_along_edges(planes, twin, k, polygon, n, side, rest, other, stack, sizes, hints, top)
                 for s in range(bottom, top):
                     walks[s] = 0
                 if top > bottom or not look_up:
                     for i in range(n):
                         for c in range(3):
                             stack[top, i, c] = polygon[i, c]
-                    sizes[top], hints[top] = n, onward
-                    walks[top] = MANY_WALKS if onward == k else walked + 1
+                    sizes[top] = n
+                    hints[top] = onward if onward >= 0 else k
+                    if onward == k:
+                        walks[top] = ABOVE
+                    else:
+                        walks[top] = walked + 1 if onward >= 0 else MANY_WALKS
                     top += 1
             if top == bottom:
-                top = _halve(polygon, n, room, stack, sizes, top)
+                top = _halve(polygon, n, side, rest, other, stack, sizes, top)
                 if top == bottom:
-                    bound2 = max(bound2, here2)
+                    bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
                     continue
                 for s in range(bottom, top):
                     hints[s] = k
@@ -338,7 +385,7 @@ def directed_bound(
     return bound2, lower2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: float) -> tuple[float, float]:
     """An upper bound of the two-sided Hausdorff distance between two surfaces, and the lower bound that was found.
 
@@ -353,7 +400,7 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
     nearest, squared = point_distances(a.points, b)

@@ -1,8 +1,8 @@
 """Materials and textures become vertex colours.
 
-A texture is sampled at every vertex's texture coordinates, a little inside the faces around it and averaged over about an
-eighth of their size: a vertex on the border of an image, or on a grain of a fine pattern, still gets the colour that its
-faces show.
+A texture is sampled at every vertex's texture coordinates, a little inside the faces around it and averaged over about
+an eighth of their size: a vertex on the border of an image, or on a grain of a fine pattern, still gets the colour that
+its faces show.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ _DECODE = np.array([v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 
 
 #: Linear values halfway between neighbouring 8-bit sRGB values, rounded so that they are the same on every machine.
 _BETWEEN = np.array(
-    [round(v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4, 12) for v in ((i + 0.5) / 255 for i in range(255))]
+    [
+        round(v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4, 12)
+        for v in ((i + 0.5) / 255 for i in range(255))
+    ]
 )
 
 
@@ -46,7 +49,7 @@ def to_bytes(values: np.ndarray) -> np.ndarray:
 
 
 def from_linear(values: np.ndarray) -> np.ndarray:
-    """sRGB colours and alpha (n, 4) uint8 of linear colours (n, 3 or 4), 0 to 1."""
+    """SRGB colours and alpha (n, 4) uint8 of linear colours (n, 3 or 4), 0 to 1."""
     values = np.clip(np.nan_to_num(np.asarray(values, np.float64), nan=0.0), 0, 1)
     colours = np.full((len(values), 4), 255, np.uint8)
     colours[:, :3] = linear_to_srgb(values[:, :3])
@@ -100,15 +103,15 @@ class Texture:
             for i in range(down):
                 for j in range(right):
                     total += current[i : i + rows * down : down, j : j + columns * right : right]
-            current = total / np.float32(down * right)
+            current = (total / np.float32(down * right)).astype(np.float32)
             alpha = np.maximum(current[..., 3:] / np.float32(255), np.float32(1e-6))
             plain = np.concatenate([np.minimum(current[..., :3] / alpha, 255), current[..., 3:]], axis=2)
             levels.append(np.rint(plain).astype(np.uint8))
         return levels
 
     def sample(self, places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """Colours (n, 4) uint8 at texture coordinates `places` (n, 2): (0, 0) is the image's top left corner, (1, 1) its
-        bottom right; outside it repeats. `triangles` (m, 3) index `places`.
+        """Colours (n, 4) uint8 at texture coordinates `places` (n, 2): (0, 0) is the image's top left corner, (1, 1)
+        its bottom right; outside it repeats. `triangles` (m, 3) index `places`.
         """
         places = np.nan_to_num(np.asarray(places, np.float64), nan=0.0, posinf=0.0, neginf=0.0)
         size = np.array([self.pixels.shape[1], self.pixels.shape[0]], np.float64)
@@ -135,5 +138,7 @@ class Texture:
 
 
 def tint(sampled: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Colours (n, 4) uint8 times a colour (4,) or (n, 4) uint8, as sRGB values: for formats that know no linear light."""
+    """Colours (n, 4) uint8 times a colour (4,) or (n, 4) uint8, as sRGB values: for formats that know no linear
+    light.
+    """
     return np.rint(sampled.astype(np.float64) * np.asarray(colour, np.float64) / 255).astype(np.uint8)

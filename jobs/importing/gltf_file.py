@@ -1,11 +1,12 @@
 """Reader of glTF 2.0 files (.glb, .gltf).
 
-trimesh decodes the accessors; every declared size is checked against the bytes that are there before. What trimesh leaves
-out is done here: sparse accessors, normalised integers, triangle fans, colour in linear light, several primitives of one
-mesh joined into one, and the node tree multiplied out in float64.
+trimesh decodes the accessors; every declared size is checked against the bytes that are there before. What trimesh
+leaves out is done here: sparse accessors, normalised integers, triangle fans, colour in linear light, several
+primitives of one mesh joined into one, and the node tree multiplied out in float64.
 
-A mesh's primitives are concatenated in the file's order: face k of a mesh is face k - (faces of the primitives before) of
-its primitive. Meshes with equal accessors and materials are one mesh. Skins, morph targets and animations are left at rest.
+A mesh's primitives are concatenated in the file's order: face k of a mesh is face k - (faces of the primitives before)
+of its primitive. Meshes with equal accessors and materials are one mesh. Skins, morph targets and animations are left
+at rest.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
     source = _Source(file, header, _buffers(file, header, chunk, resources), resources)
     tally = Tally()
     meshes, index = _meshes(source, tally)
-    return SourceScene(file, meshes, _nodes(header, meshes, index, tally), 1.0, "y", "y", tally)
+    return SourceScene(file, meshes, _nodes(header, index, tally), 1.0, "y", "y", tally)
 
 
 def _unpack(file: Path, content: bytes) -> tuple[Json, bytes | None]:
@@ -62,7 +63,9 @@ def _unpack(file: Path, content: bytes) -> tuple[Json, bytes | None]:
         chunk = None
     else:
         if content[:4] != b"glTF":
-            raise ModelError(f"{file}: not a GLB file, it does not start with glTF; check its extension or export it again")
+            raise ModelError(
+                f"{file}: not a GLB file, it does not start with glTF; check its extension or export it again"
+            )
         if len(content) < 20:
             raise _cut(file, 20, len(content))
         version, total, length = (int(n) for n in np.frombuffer(content, "<u4", 3, 4))
@@ -169,7 +172,11 @@ class _Source:
         start, length = view.get("byteOffset", 0), view["byteLength"]
         offset, stride = accessor.get("byteOffset", 0), view.get("byteStride", item)
         needed = offset + (count - 1) * stride + item if count else 0
-        sane = all(isinstance(n, int) and n >= 0 for n in (start, length, offset)) and isinstance(stride, int) and stride > 0
+        sane = (
+            all(isinstance(n, int) and n >= 0 for n in (start, length, offset))
+            and isinstance(stride, int)
+            and stride > 0
+        )
         if not sane or needed > length or start + length > len(self.buffers[_at(view["buffer"])]):
             raise ModelError(
                 f"{self.file}: accessor {number} ({count} items) reaches beyond the file's data; "
@@ -252,22 +259,25 @@ def _mesh(source: _Source, name: str, primitives: Sequence[Json], tally: Tally) 
         corners = source.integers(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
         triangles = _triangles(corners, mode)
         normals = source.floats(attributes["NORMAL"]) if "NORMAL" in attributes else np.zeros_like(positions)
-        if positions.shape[1] != 3 or normals.shape != positions.shape:
-            raise ModelError(f"{source.file}: mesh {name!r} has positions and normals that do not match; export it again")
+        if positions.shape[1] != 3:
+            raise ModelError(f"{source.file}: mesh {name!r} has positions without x, y and z; export it again")
+        if normals.shape != positions.shape:
+            defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
+            normals = np.zeros_like(positions)
         colours = _colours(source, primitive, positions, triangles, defects)
         pieces.append((positions, triangles, normals, colours))
     if not pieces:
         return None
     starts = np.cumsum([0, *(len(piece[0]) for piece in pieces[:-1])])
     # an index out of range must not reach into the next primitive
-    triangles = [
+    shifted = [
         np.where((piece[1] >= 0) & (piece[1] < len(piece[0])), piece[1] + start, -1)
         for piece, start in zip(pieces, starts.tolist(), strict=True)
     ]
     return SourceMesh(
         name,
         np.concatenate([piece[0] for piece in pieces]),
-        np.concatenate(triangles),
+        np.concatenate(shifted),
         np.concatenate([piece[2] for piece in pieces]),
         np.concatenate([piece[3] for piece in pieces]),
         defects,
@@ -341,7 +351,7 @@ def _moved(places: np.ndarray, image: Json) -> np.ndarray:
     return np.stack([u * cosine + v * sine + x, v * cosine - u * sine + y], axis=1)
 
 
-def _nodes(header: Json, meshes: Sequence[SourceMesh], index: dict[int, int], tally: Tally) -> list[SourceNode]:
+def _nodes(header: Json, index: dict[int, int], tally: Tally) -> list[SourceNode]:
     """All placements of meshes in the file's scene, depth first."""
     nodes = header.get("nodes", ())
     if header.get("scenes"):

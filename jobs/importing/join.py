@@ -73,9 +73,9 @@ def join_scenes(
 ) -> tuple[list[MeshView], list[Placement], str, float, dict[str, dict[str, Any]]]:
     """Repaired meshes, placements, up axis, metres per unit and the report of what was repaired.
 
-    Files that do not say their unit or up axis are taken to share the first file's; `units` and `up` hold for all files.
-    A defect of a mesh counts once for each of its placements. Empties the scenes' lists of meshes as it goes, to save
-    memory. Raises ModelError if no triangle is left, ParameterError for a bad `units` or `up`.
+    Files that do not say their unit or up axis are taken to share the first file's; `units` and `up` hold for all
+    files. A defect of a mesh counts once for each of its placements. Empties the scenes' lists of meshes as it goes, to
+    save memory. Raises ModelError if no triangle is left, ParameterError for a bad `units` or `up`.
     """
     if up not in (None, "x", "y", "z"):
         raise ParameterError(f"up {up!r}: expected x, y or z")
@@ -94,7 +94,8 @@ def join_scenes(
             axis if up is not None else scene.up or axis,
             axis,
         )
-        _add_scene(scene, frame, prefix, meshes, placements, tally)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
+            _add_scene(scene, frame, prefix, meshes, placements, tally)
     if not placements:
         raise ModelError(f"{_inputs(scenes)}: no triangle is left to draw{_losses(tally)}; check the export")
     return meshes, placements, axis, unit, tally.report()

@@ -1,8 +1,8 @@
 """The imported model: what the rest of the job works on.
 
-    import_model(inputs, out, options) -> ImportReport    model files to a directory
-    write_model(out, meshes, placements)                  arrays to such a directory
-    open_model(path) -> Model                             the directory, memory-mapped
+import_model(inputs, out, options) -> ImportReport    model files to a directory
+write_model(out, meshes, placements)                  arrays to such a directory
+open_model(path) -> Model                             the directory, memory-mapped
 """
 
 from __future__ import annotations

@@ -34,13 +34,15 @@ def find_files(inputs: Sequence[Path]) -> list[tuple[Path, Path]]:
     """
     if not inputs:
         raise ModelError(f"no input given; name a model file ({KINDS}) or a folder of them")
-    found = []
+    found: list[tuple[Path, Path]] = []
     for path in inputs:
         if path.is_dir():
             try:
                 files = [file for file in path.rglob("*") if file.suffix.lower() in READERS and file.is_file()]
             except OSError as error:
-                raise ModelError(f"{path}: the folder cannot be read ({error.strerror}); check its permissions") from None
+                raise ModelError(
+                    f"{path}: the folder cannot be read ({error.strerror}); check its permissions"
+                ) from None
             if not files:
                 raise ModelError(f"{path}: the folder holds no model; expected files of these kinds: {KINDS}")
             files.sort(key=lambda file: file.relative_to(path).parts)

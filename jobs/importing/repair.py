@@ -2,9 +2,9 @@
 
 Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), without
 area, and faces whose corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are
-counted on their own: exporters that double every face to show both its sides write them, and since surfaces are drawn from
-both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are
-equal in position, normal and colour become one.
+counted on their own: exporters that double every face to show both its sides write them, and since surfaces are drawn
+from both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices
+that are equal in position, normal and colour become one.
 """
 
 from __future__ import annotations
@@ -38,11 +38,10 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
             counts[defect] = counts.get(defect, 0) + count
             kept, triangles = kept[~bad], triangles[~bad]
 
-    drop(((triangles < 0) | (triangles >= len(positions))).any(axis=1), Defect.INDEX)
-    with np.errstate(invalid="ignore"):
-        bad_position = ~(np.abs(positions) <= FARTHEST).all(axis=1)
+    drop(np.any((triangles < 0) | (triangles >= len(positions)), axis=1), Defect.INDEX)
+    bad_position: np.ndarray = np.any(~(np.abs(positions) <= FARTHEST), axis=1)
     if bad_position.any():
-        drop(bad_position[triangles].any(axis=1), Defect.NOT_FINITE)
+        drop(np.any(bad_position[triangles], axis=1), Defect.NOT_FINITE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
         same, reverse = _repeated(positions, triangles)

@@ -1,7 +1,8 @@
 """The other files that a model file names: buffers, material libraries, textures.
 
-Only files inside the model's own folder are ever read; nothing is fetched from a network. A reference that leads elsewhere
-(an absolute path of the machine that exported the model, say) is looked up by the end of its path inside the folder.
+Only files inside the model's own folder are ever read; nothing is fetched from a network. A reference that leads
+elsewhere (an absolute path of the machine that exported the model, say) is looked up by the end of its path inside the
+folder.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@
     parts.npy         PART            placements of meshes in model space
     model.json        names, frame, box, digest, report of repairs
 
-Model space is the frame of the (first) input file minus `origin`. A mesh that is placed once is *baked*: its positions are
-model-space positions and its part is an identity. A mesh that is placed twice or more stays in local coordinates, moved
-near their origin if they lie far from it; its parts carry matrices, which may mirror.
+Model space is the frame of the (first) input file minus `origin`. A mesh that is placed once is *baked*: its positions
+are model-space positions and its part is an identity. A mesh that is placed twice or more stays in local coordinates,
+moved near their origin if they lie far from it; its parts carry matrices, which may mirror.
 """
 
 from __future__ import annotations
@@ -120,12 +120,12 @@ def write_model(
     """Write meshes and their placements as an imported model at `out`.
 
     Chooses the origin, bakes meshes that are placed once, drops those that are never placed. Without `placements` every
-    mesh is placed once as it is. The meshes must be free of defects: finite positions, indices within range, one triangle
-    or more each. `report` is kept as it is: {defect: {"total": n, "parts": {name: n}}}.
+    mesh is placed once as it is. The meshes must be free of defects: finite positions, indices within range, one
+    triangle or more each. `report` is kept as it is: {defect: {"total": n, "parts": {name: n}}}.
 
     No reader can observe a partially written model: everything goes to a temporary directory beside `out`, which is
-    renamed when complete and removed if anything fails. Raises ModelError if there is nothing to write or something is at
-    `out` already, and OSError as the file system raises it (no space, no permission).
+    renamed when complete and removed if anything fails. Raises ModelError if there is nothing to write or something is
+    at `out` already, and OSError as the file system raises it (no space, no permission).
     """
     if placements is None:
         placements = [Placement(i, f"mesh {i}", IDENTITY) for i in range(len(meshes))]
@@ -212,8 +212,14 @@ def cofactors(matrix: np.ndarray) -> np.ndarray:
     """The (3, 3) cofactor matrix of a (3, 4) matrix's linear part; its first row dotted with the matrix's is the
     determinant, and it takes normals where the matrix takes positions (up to length, and sign if mirroring).
     """
-    a, b, c = np.asarray(matrix, np.float64)[:, :3]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    (a, b, c), (d, e, f), (g, h, i) = np.asarray(matrix, np.float64)[:, :3].tolist()
+    return np.array(
+        [
+            [e * i - f * h, f * g - d * i, d * h - e * g],
+            [c * h - b * i, a * i - c * g, b * g - a * h],
+            [b * f - c * e, c * d - a * f, a * e - b * d],
+        ]
+    )
 
 
 def _turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from jobs.scenes import street
 from jobs.scenes.furnishings import FURNISHINGS
 from jobs.scenes.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
-from jobs.scenes.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z
+from jobs.scenes.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z, vec
 from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = FURNISHINGS | street.RECIPES
@@ -25,7 +25,7 @@ PAVEMENT = 3.0  # metres between the kerb and the lots
 LOT = 25.0
 WALKING_LINE = 2.125  # metres from the kerb: nothing stands there
 CORRIDOR = 2.0
-SHELL_SHARE, SHELL_TRIANGLES = 0.4, 3_200  # of all triangles for the buildings' shells; a storey's shell takes about
+SHELL_SHARE, SHELL_TRIANGLES = 0.32, 3_200  # of all triangles for the buildings' shells; a storey's shell takes about
 CORE = 4.75  # metres: the stair core's length along the building
 FACADES = ("brick", "cream", "sandstone", "terracotta", "light grey", "ochre", "plaster")
 HOMES = ("lounge", "kitchen", "bedroom", "lounge", "bedroom", "bath", "office")
@@ -100,7 +100,7 @@ def _rooms(width: float, depth: float, home: bool, rng: np.random.Generator) -> 
 
 def _blocks(triangles: int, seed: int) -> dict[tuple[int, int], Block]:
     """The grid of blocks by (column, row)."""
-    each = min(150_000.0, 40_000.0 * max(1.0, triangles / 100_000) ** 0.45)
+    each = min(250_000.0, 40_000.0 * max(1.0, triangles / 100_000) ** 0.5)
     count = max(1, round(triangles / each))
     columns = max(1, round(count**0.5))
     rows = -(-count // columns)
@@ -193,7 +193,12 @@ def _block_tour(block: Block, westwards: bool) -> list[tuple[float, float]]:
         building = sides[0]
         room = building.rooms[0]
         door = building.place(0.0, building.middle)[1]
-        inside = [(1.5, building.middle), (room.door, building.middle), (room.door, room.strip), (room.door, building.middle)]
+        inside = [
+            (1.5, building.middle),
+            (room.door, building.middle),
+            (room.door, room.strip),
+            (room.door, building.middle),
+        ]
         inside += [(building.width - 1.5, building.middle), (1.5, building.middle)]
         points += [(start, door), *(building.place(*spot) for spot in inside), (start, door), (start, low)]
     return [*points, (end, low)]
@@ -205,7 +210,9 @@ def build(stage: Stage, triangles: int, seed: int) -> None:
     columns, rows = (1 + max(key[axis] for key in blocks) for axis in (0, 1))
     stage.writer.begin("city")
     edge = 2 * STREET
-    ground = boxes([(-edge, -edge, -0.5)], [((columns - 1) * PITCH + BLOCK + edge, (rows - 1) * PITCH + BLOCK + edge, 0.0)])
+    ground = boxes(
+        [(-edge, -edge, -0.5)], [((columns - 1) * PITCH + BLOCK + edge, (rows - 1) * PITCH + BLOCK + edge, 0.0)]
+    )
     stage.add("streets", ground, "asphalt")
     for done, block in enumerate(blocks.values()):
         goal = stage.writer.triangles + stage.left // (len(blocks) - done)
@@ -236,26 +243,31 @@ def _streets(stage: Stage, block: Block, goal: int, rng: np.random.Generator) ->
     stage.put(f"{name} crossing west", "crossing", (-STREET / 2, WALKING_LINE, 0.0))
     stage.put(f"{name} crossing south", "crossing", (WALKING_LINE, -STREET / 2, 0.0), turn_z(90.0))
     spots: list[tuple[float, str, Point, float]] = []
-    side = [(0.0, lambda u: (u, 0.75)), (180.0, lambda u: (u, BLOCK - 0.75)), (270.0, lambda u: (0.75, u)), (90.0, lambda u: (BLOCK - 0.75, u))]
+    far = BLOCK - 0.75
+    sides = [
+        (0.0, (0.0, 0.75), (1, 0)),
+        (180.0, (0.0, far), (1, 0)),
+        (270.0, (0.75, 0.0), (0, 1)),
+        (90.0, (far, 0.0), (0, 1)),
+    ]
     paints = [thing for thing in street.RECIPES if thing.startswith(("car", "van"))]
-    for degrees, where in side:
+    for degrees, (x0, y0), (dx, dy) in sides:
         for u in np.arange(8.0, BLOCK - 7.0, 8.0).tolist():
-            x, y = where(u)
-            kind = ("conifer",) if rng.uniform() < 0.15 else tuple(f"tree {k}" for k in range(3))
-            spots.append((rng.uniform() + 0.35, str(rng.choice(kind)), (x, y, KERB), float(rng.integers(0, 360))))
-            if u % 16 == 0:
-                x, y = where(u + 4.0)
-                spots.append((rng.uniform() * 0.6, "street lamp", (x, y, KERB), degrees))
-                x, y = where(u + 2.0)
-                spots.append((rng.uniform() * 0.9, str(rng.choice(["bench", "litter bin"])), (x, y, KERB), degrees))
+            tree = "conifer" if rng.uniform() < 0.15 else f"tree {rng.integers(0, 3)}"
+            furniture = str(rng.choice(["bench", "litter bin"]))
+            spots.append((rng.uniform() + 0.35, tree, (x0 + u * dx, y0 + u * dy, KERB), float(rng.integers(0, 360))))
+            for rank, thing, step in ((0.6, "street lamp", 4.0), (0.9, furniture, 2.0)):
+                if u % 16 == 0:
+                    at = (x0 + (u + step) * dx, y0 + (u + step) * dy, KERB)
+                    spots.append((rng.uniform() * rank, thing, at, degrees))
     for lane in range(2):
         for u in np.arange(10.0, BLOCK - 9.0, 6.0).tolist():
-            at = u + float(rng.uniform(-0.5, 0.5))
+            place = u + float(rng.uniform(-0.5, 0.5))
             paint = paints[int(rng.integers(0, len(paints)))]
-            x, y, degrees = (at, -1.1, 180.0) if lane == 0 else (-1.1, at, 90.0)
+            x, y, degrees = (place, -1.1, 180.0) if lane == 0 else (-1.1, place, 90.0)
             spots.append((rng.uniform() + 0.3, paint, (x, y, 0.0), degrees))
             if rng.uniform() < 0.15:
-                x, y, degrees = (at, -STREET / 2 - 1.8, 0.0) if lane == 0 else (-STREET / 2 - 1.8, at, 270.0)
+                x, y, degrees = (place, -STREET / 2 - 1.8, 0.0) if lane == 0 else (-STREET / 2 - 1.8, place, 270.0)
                 spots.append((rng.uniform() + 0.3, paint, (x, y, 0.0), degrees))
     left = (goal - stage.writer.triangles) // 3
     for number, (_, thing, at, degrees) in enumerate(sorted(spots)):
@@ -280,7 +292,12 @@ def _park(stage: Stage, block: Block, goal: int, rng: np.random.Generator) -> No
         angle = 30.0 * k
         at = turn_z(angle) @ np.array([0.0, -5.0, 0.0])
         if goal - stage.writer.triangles > stage.cost("bench"):
-            stage.put(f"{name} bench {k + 1}", "bench", (BLOCK / 2 + float(at[0]), BLOCK / 2 + float(at[1]), KERB), turn_z(angle + 180))
+            stage.put(
+                f"{name} bench {k + 1}",
+                "bench",
+                (BLOCK / 2 + float(at[0]), BLOCK / 2 + float(at[1]), KERB),
+                turn_z(angle + 180),
+            )
     for number in range(160):
         u, v = rng.uniform(5.0, BLOCK - 5.0, 2).tolist()
         thing = str(rng.choice(["tree 0", "tree 1", "tree 2", "conifer"]))
@@ -311,7 +328,9 @@ def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.ra
     rows = [(k * STOREY + low_sill, k * STOREY + head) for k in range(storeys)]
     holes = [(u0, u1, v0, v1) for v0, v1 in rows for u0, u1 in along.tolist()]
     for side, y in (("south", 0.0), ("north", deep - OUTER)):
-        stage.add(f"{name} {side} wall", plate("y", *openings((0.0, wide), (0.0, high), holes), y, y + OUTER), building.facade)
+        stage.add(
+            f"{name} {side} wall", plate("y", *openings((0.0, wide), (0.0, high), holes), y, y + OUTER), building.facade
+        )
     middle = building.middle
     entrance = (middle - 0.75, middle + 0.75, 0.0, 2.5)
     clear = [(u0, u1) for u0, u1 in across.tolist() if u1 < middle - 1.125 or u0 > middle + 1.125]
@@ -322,14 +341,25 @@ def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.ra
         stage.add(f"{name} {side} wall", wall, building.facade)
     z = np.arange(1, storeys + 1) * STOREY - 0.1875
     bands = []
-    for a, b, c, d in ((-0.125, wide + 0.125, -0.125, 0.0), (-0.125, wide + 0.125, deep, deep + 0.125), (-0.125, 0.0, 0.0, deep), (wide, wide + 0.125, 0.0, deep)):
+    for a, b, c, d in (
+        (-0.125, wide + 0.125, -0.125, 0.0),
+        (-0.125, wide + 0.125, deep, deep + 0.125),
+        (-0.125, 0.0, 0.0, deep),
+        (wide, wide + 0.125, 0.0, deep),
+    ):
         ones = np.ones(storeys)
         bands.append(boxes(np.stack([a * ones, c * ones, z], 1), np.stack([b * ones, d * ones, z + 0.1875], 1)))
     stage.add(f"{name} bands", join(bands), "light grey")
     _roof(stage, name, building, goal, rng)
-    shell = stage.writer.mesh(f"{name} storey shell", [(mesh, stage.material(what)) for mesh, what in _storey_shell(building)])
-    frames = stage.writer.mesh(f"{name} window frames", [(_frames(building, along, clear, low_sill, head), stage.material("slate"))])
-    stairs = stage.writer.mesh(f"{name} stairs", [(_stairs(building), stage.material("concrete"))]) if storeys > 1 else None
+    shell = stage.writer.mesh(
+        f"{name} storey shell", [(mesh, stage.material(what)) for mesh, what in _storey_shell(building)]
+    )
+    frames = stage.writer.mesh(
+        f"{name} window frames", [(_frames(building, along, clear, low_sill, head), stage.material("slate"))]
+    )
+    stairs = (
+        stage.writer.mesh(f"{name} stairs", [(_stairs(building), stage.material("concrete"))]) if storeys > 1 else None
+    )
     stage.add(f"{name} ground floor", boxes([(0.0, 0.0, 0.0)], [(wide, deep, 1 / 64)]), "dark concrete")
     for k in range(storeys):
         at = (0.0, 0.0, k * STOREY)
@@ -337,7 +367,12 @@ def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.ra
         stage.writer.place(f"{name} storey {k + 1} window frames", frames, at)
         if stairs is not None and k + 1 < storeys:
             stage.writer.place(f"{name} storey {k + 1} stairs", stairs, at)
-            slab = plate("z", *openings((OUTER, wide - OUTER), (OUTER, deep - OUTER), [_stair_well(building)]), (k + 1) * STOREY - 0.25, (k + 1) * STOREY)
+            slab = plate(
+                "z",
+                *openings((OUTER, wide - OUTER), (OUTER, deep - OUTER), [_stair_well(building)]),
+                (k + 1) * STOREY - 0.25,
+                (k + 1) * STOREY,
+            )
             stage.add(f"{name} slab {k + 1}", slab, "concrete")
     _street_front(stage, name, building, along, goal, rng)
     stage.writer.end()
@@ -367,19 +402,29 @@ def _stairs(building: Building) -> Mesh:
         np.stack([x1 * one, y1 - 1.0 - k * run, STOREY / 2 + (k + 1) * rise], 1),
     )
     x = x0 + half
-    rail = tubes([[[x, y0, 0.1], [x, y0, 1.0], [x, y1 - 1.0, STOREY / 2 + 1.0], [x, y1 - 1.0, STOREY / 2 + 0.05]]], 0.03, 2.0, 10, 4)
+    rail = tubes(
+        [[[x, y0, 0.1], [x, y0, 1.0], [x, y1 - 1.0, STOREY / 2 + 1.0], [x, y1 - 1.0, STOREY / 2 + 0.05]]],
+        0.03,
+        2.0,
+        10,
+        4,
+    )
     t = np.linspace(0.1, 0.9, 7)
     low = np.stack([np.full(7, x), y0 + (y1 - 1.0 - y0) * t, STOREY / 2 * t + 0.1], axis=1)
-    return join([up, landing, down, rail, cylinders(low, low + (0, 0, 0.88), 0.01, 6)])
+    return join([up, landing, down, rail, cylinders(low, low + vec(0, 0, 0.88), 0.01, 6)])
 
 
 def _storey_shell(building: Building) -> list[tuple[Mesh, str]]:
     """Inner walls, door frames and floors of one storey."""
-    wide, deep = building.width, building.depth
+    wide = building.width
     south, north = building.middle - CORRIDOR / 2 - INNER, building.middle + CORRIDOR / 2
     walls = []
     for side, y in ((False, south), (True, north)):
-        holes = [(r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT) for r in building.rooms if r.north == side]
+        holes = [
+            (r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)
+            for r in building.rooms
+            if r.north == side
+        ]
         if side:
             holes.append((wide - OUTER - CORE + 0.25, wide - OUTER - CORE + 1.5, 0.0, DOOR_HEIGHT))
         walls.append(plate("y", *openings((OUTER, wide - OUTER), (0.0, CLEAR), holes), y, y + INNER))
@@ -391,7 +436,11 @@ def _storey_shell(building: Building) -> list[tuple[Mesh, str]]:
         near, far = (north - 1 / 32, north + INNER + 1 / 32) if r.north else (south - 1 / 32, south + INNER + 1 / 32)
         left, right = r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2
         lo += [(left - 1 / 16, near, 0.0), (right - 1 / 64, near, 0.0), (left + 1 / 64, near, DOOR_HEIGHT - 1 / 64)]
-        hi += [(left + 1 / 64, far, DOOR_HEIGHT + 1 / 16), (right + 1 / 16, far, DOOR_HEIGHT + 1 / 16), (right - 1 / 64, far, DOOR_HEIGHT + 1 / 16)]
+        hi += [
+            (left + 1 / 64, far, DOOR_HEIGHT + 1 / 16),
+            (right + 1 / 16, far, DOOR_HEIGHT + 1 / 16),
+            (right - 1 / 64, far, DOOR_HEIGHT + 1 / 16),
+        ]
         floor_lo.append((r.x0, r.y0, 0.0))
         floor_hi.append((r.x1, r.y1, 1 / 32))
     carpet = boxes([(OUTER, south + INNER, 0.0)], [(wide - OUTER, north, 1 / 32)])
@@ -406,11 +455,20 @@ def _storey_shell(building: Building) -> list[tuple[Mesh, str]]:
 def _frames(building: Building, along: Floats, clear: list[tuple[float, float]], low: float, high: float) -> Mesh:
     """The frames of one storey's windows."""
     lo, hi = [], []
-    sets = [(along.tolist(), 0, 0.0625), (along.tolist(), 0, building.depth - 0.125), (clear, 1, 0.0625), (clear, 1, building.width - 0.125)]
+    sets = [
+        (along.tolist(), 0, 0.0625),
+        (along.tolist(), 0, building.depth - 0.125),
+        (clear, 1, 0.0625),
+        (clear, 1, building.width - 0.125),
+    ]
     for windows, axis, at in sets:
         for u0, u1 in windows:
             middle = (u0 + u1) / 2
-            for a, b, c, d in ((u0, u1, low, low + 0.0625), (u0, u1, high - 0.0625, high), (middle - 0.03125, middle + 0.03125, low + 0.0625, high - 0.0625)):
+            for a, b, c, d in (
+                (u0, u1, low, low + 0.0625),
+                (u0, u1, high - 0.0625, high),
+                (middle - 0.03125, middle + 0.03125, low + 0.0625, high - 0.0625),
+            ):
                 lo.append((a, at, c) if axis == 0 else (at, a, c))
                 hi.append((b, at + 0.0625, d) if axis == 0 else (at + 0.0625, b, d))
     return boxes(lo, hi)
@@ -423,19 +481,28 @@ def _roof(stage: Stage, name: str, building: Building, goal: int, rng: np.random
     grid_x, grid_y = [0.0, OUTER, wide - OUTER, wide], [0.0, OUTER, deep - OUTER, deep]
     parapet = plate("z", grid_x, grid_y, [[1, 1, 1], [1, 0, 1], [1, 1, 1]], z, z + 0.875)
     x0, x1, y0, y1 = _stair_well(building)
-    hut = boxes([(x0, y0, z), (x0 - 0.15, y0 - 0.15, z + 2.5)], [(x1 - 0.5, y1 - 0.5, z + 2.5), (x1 - 0.35, y1 - 0.35, z + 2.7)])
+    hut = boxes(
+        [(x0, y0, z), (x0 - 0.15, y0 - 0.15, z + 2.5)], [(x1 - 0.5, y1 - 0.5, z + 2.5), (x1 - 0.35, y1 - 0.35, z + 2.7)]
+    )
     stage.add(f"{name} roof", slab, "slate")
     stage.add(f"{name} parapet", parapet, building.facade)
     stage.add(f"{name} roof hut", hut, "light grey")
     if building.storeys > 1:
         for k in range(int(rng.integers(1, 4))):
             if goal - stage.writer.triangles > 12_000:
-                stage.put(f"{name} air conditioner {k + 1}", "air conditioner", (2.5 + 3.6 * k, deep * 0.35, z), turn_z(90.0 * (k % 2)))
+                stage.put(
+                    f"{name} air conditioner {k + 1}",
+                    "air conditioner",
+                    (2.5 + 3.6 * k, deep * 0.35, z),
+                    turn_z(90.0 * (k % 2)),
+                )
     if building.storeys > 3 and rng.uniform() < 0.6 and goal - stage.writer.triangles > 12_000:
         stage.put(f"{name} water tank", "water tank", (3.0, deep - 3.5, z))
 
 
-def _street_front(stage: Stage, name: str, building: Building, along: Floats, goal: int, rng: np.random.Generator) -> None:
+def _street_front(
+    stage: Stage, name: str, building: Building, along: Floats, goal: int, rng: np.random.Generator
+) -> None:
     """Awnings over the ground floor or balconies above it, on the southern and northern sides, and a canopy."""
     canopy = boxes([(-1.2, building.middle - 1.25, 2.6)], [(0.0, building.middle + 1.25, 2.75)])
     stage.add(f"{name} canopy", canopy, "slate")

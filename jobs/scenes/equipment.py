@@ -1,4 +1,4 @@
-"""Plant equipment. Things placed many times are recipes (flange, valve, pump, ...); tanks and vessels are made to measure."""
+"""Plant equipment: recipes for what is placed many times (flange, valve, pump); tanks and vessels made to measure."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from jobs.scenes.solids import (
     tubes,
     turn_z,
     turned_boxes,
+    vec,
 )
 from jobs.scenes.stage import Recipe
 
@@ -35,38 +36,97 @@ def flange() -> Pairs:
 
 def valve() -> Pairs:
     """A gate valve for a pipe of radius 1 along x; its hand wheel is up."""
-    body = lathe([[0, -3.2], [1.9, -3.2], [1.9, -2.8], [1.2, -2.8], [1.2, -1.5], [1.7, -0.7], [1.7, 0.7], [1.2, 1.5], [1.2, 2.8], [1.9, 2.8], [1.9, 3.2], [0, 3.2]], 14).turned(X_UP)
+    body = lathe(
+        [
+            [0, -3.2],
+            [1.9, -3.2],
+            [1.9, -2.8],
+            [1.2, -2.8],
+            [1.2, -1.5],
+            [1.7, -0.7],
+            [1.7, 0.7],
+            [1.2, 1.5],
+            [1.2, 2.8],
+            [1.9, 2.8],
+            [1.9, 3.2],
+            [0, 3.2],
+        ],
+        14,
+    ).turned(X_UP)
     bonnet = lathe([[0, 0], [1.1, 0], [1.1, 2.2], [1.6, 2.2], [1.6, 2.7], [0.7, 2.9], [0.4, 4.6], [0, 4.6]], 12)
     stem = cylinders([[0, 0, 4.4]], [[0, 0, 6.4]], 0.2, 8)
-    wheel = join([ring(2.0, 0.22, 20, 5).moved(0, 0, 5.8), cylinders([[-1.9, 0, 5.8], [0, -1.9, 5.8]], [[1.9, 0, 5.8], [0, 1.9, 5.8]], 0.14, 6)])
+    wheel = join(
+        [
+            ring(2.0, 0.22, 20, 5).moved(0, 0, 5.8),
+            cylinders([[-1.9, 0, 5.8], [0, -1.9, 5.8]], [[1.9, 0, 5.8], [0, 1.9, 5.8]], 0.14, 6),
+        ]
+    )
     return [(join([body, bonnet, stem]), "blue"), (wheel, "red")]
 
 
 def pump() -> Pairs:
-    """A pump with its motor on a base plate; suction at (-0.55, 0, 0.55) facing -x, discharge at (-0.25, 0.45, 0.95) facing y."""
+    """A pump with its motor on a base plate; its discharge is at (-0.25, 0.45, 0.95) and faces y."""
     base = blocks((0.25, 0, 0, 1.6, 0.6, 0.12), (0.55, 0, 0.12, 0.5, 0.4, 0.15), (-0.25, 0, 0.12, 0.25, 0.3, 0.15))
-    casing = lathe([[0, -0.16], [0.2, -0.16], [0.32, -0.1], [0.34, 0], [0.32, 0.1], [0.2, 0.16], [0, 0.16]], 24).turned(X_UP).moved(-0.25, 0, 0.55)
-    suction = lathe([[0, 0], [0.16, 0], [0.16, 0.03], [0.09, 0.03], [0.09, 0.3], [0, 0.3]], 20).turned(X_UP).moved(-0.55, 0, 0.55)
+    casing = (
+        lathe([[0, -0.16], [0.2, -0.16], [0.32, -0.1], [0.34, 0], [0.32, 0.1], [0.2, 0.16], [0, 0.16]], 24)
+        .turned(X_UP)
+        .moved(-0.25, 0, 0.55)
+    )
+    suction = (
+        lathe([[0, 0], [0.16, 0], [0.16, 0.03], [0.09, 0.03], [0.09, 0.3], [0, 0.3]], 20)
+        .turned(X_UP)
+        .moved(-0.55, 0, 0.55)
+    )
     discharge = tubes([[[-0.25, 0.1, 0.55], [-0.25, 0.1, 0.95], [-0.25, 0.42, 0.95]]], [0.075], 2.0, 16, 5)
-    collar = lathe([[0, 0], [0.14, 0], [0.14, 0.03], [0, 0.03]], 20).turned([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).moved(-0.25, 0.42, 0.95)
-    shaft = lathe([[0, 0], [0.05, 0], [0.05, 0.08], [0.11, 0.08], [0.11, 0.22], [0.05, 0.22], [0.05, 0.35], [0, 0.35]], 20).turned(X_UP).moved(-0.1, 0, 0.55)
-    motor = lathe([[0, 0], [0.18, 0], [0.2, 0.04], [0.2, 0.62], [0.22, 0.63], [0.22, 0.74], [0.16, 0.8], [0, 0.8]], 20).turned(X_UP).moved(0.22, 0, 0.55)
+    collar = (
+        lathe([[0, 0], [0.14, 0], [0.14, 0.03], [0, 0.03]], 20)
+        .turned([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+        .moved(-0.25, 0.42, 0.95)
+    )
+    shaft = (
+        lathe([[0, 0], [0.05, 0], [0.05, 0.08], [0.11, 0.08], [0.11, 0.22], [0.05, 0.22], [0.05, 0.35], [0, 0.35]], 20)
+        .turned(X_UP)
+        .moved(-0.1, 0, 0.55)
+    )
+    motor = (
+        lathe([[0, 0], [0.18, 0], [0.2, 0.04], [0.2, 0.62], [0.22, 0.63], [0.22, 0.74], [0.16, 0.8], [0, 0.8]], 20)
+        .turned(X_UP)
+        .moved(0.22, 0, 0.55)
+    )
     angle = np.arange(16) * (2 * np.pi / 16)
     fins = turned_boxes(
         np.stack([np.full(16, 0.56), 0.215 * np.cos(angle), 0.55 + 0.215 * np.sin(angle)], axis=1),
         np.tile([0.26, 0.02, 0.006], (16, 1)),
-        np.stack([np.stack([np.full(16, 1.0), np.zeros(16), np.zeros(16)], 1), np.stack([np.zeros(16), np.cos(angle), np.sin(angle)], 1), np.stack([np.zeros(16), -np.sin(angle), np.cos(angle)], 1)], axis=-1),
+        np.stack(
+            [
+                np.stack([np.full(16, 1.0), np.zeros(16), np.zeros(16)], 1),
+                np.stack([np.zeros(16), np.cos(angle), np.sin(angle)], 1),
+                np.stack([np.zeros(16), -np.sin(angle), np.cos(angle)], 1),
+            ],
+            axis=-1,
+        ),
     )
     terminal = blocks((0.5, -0.24, 0.62, 0.2, 0.12, 0.18))
-    return [(join([casing, suction, discharge, collar]), "teal"), (join([motor, fins, terminal]), "green"), (join([base]), "dark concrete"), (shaft, "aluminium")]
+    return [
+        (join([casing, suction, discharge, collar]), "teal"),
+        (join([motor, fins, terminal]), "green"),
+        (join([base]), "dark concrete"),
+        (shaft, "aluminium"),
+    ]
 
 
 def grating() -> Pairs:
     """One square metre of bar grating, its top at z = 0, corner at the origin."""
     x = (np.arange(22) + 0.5) / 22
-    bars = boxes(np.stack([x - 0.0025, np.full(22, 0.0), np.full(22, -0.035)], 1), np.stack([x + 0.0025, np.full(22, 1.0), np.zeros(22)], 1))
+    bars = boxes(
+        np.stack([x - 0.0025, np.full(22, 0.0), np.full(22, -0.035)], 1),
+        np.stack([x + 0.0025, np.full(22, 1.0), np.zeros(22)], 1),
+    )
     y = (np.arange(5) + 0.5) / 5
-    rods = boxes(np.stack([np.full(5, 0.0), y - 0.004, np.full(5, -0.012)], 1), np.stack([np.full(5, 1.0), y + 0.004, np.full(5, -0.002)], 1))
+    rods = boxes(
+        np.stack([np.full(5, 0.0), y - 0.004, np.full(5, -0.012)], 1),
+        np.stack([np.full(5, 1.0), y + 0.004, np.full(5, -0.002)], 1),
+    )
     return [(join([bars, rods]), "galvanised")]
 
 
@@ -86,15 +146,27 @@ def roof_fan() -> Pairs:
 
 def gauge() -> Pairs:
     """A pressure gauge of unit size on a stub along z, its dial facing -y."""
-    dial = lathe([[0, -0.25], [1.0, -0.25], [1.1, -0.2], [1.1, 0.25], [0, 0.25]], 20).turned([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).moved(0, 0, 3.0)
+    dial = (
+        lathe([[0, -0.25], [1.0, -0.25], [1.1, -0.2], [1.1, 0.25], [0, 0.25]], 20)
+        .turned([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+        .moved(0, 0, 3.0)
+    )
     return [(join([dial, cylinders([[0, 0, 0]], [[0, 0, 2.0]], 0.25, 8)]), "black")]
 
 
 def cabinet() -> Pairs:
     """A switch cabinet, its back at y = 0, facing -y."""
     doors = blocks((-0.4, -0.51, 0.14, 0.76, 0.02, 1.8), (0.4, -0.51, 0.14, 0.76, 0.02, 1.8))
-    lamps = [lathe([[0, 0], [0.02, 0], [0.015, 0.03], [0, 0.03]], 10).turned([[1, 0, 0], [0, 0, -1], [0, 1, 0]]).moved(x, -0.52, 1.7) for x in (-0.5, -0.4, -0.3, 0.3, 0.4, 0.5)]
-    return [(join([blocks((0, -0.25, 0.1, 1.6, 0.5, 1.9), (0, -0.25, 0, 1.5, 0.4, 0.1)), doors]), "light grey"), (join(lamps), "orange")]
+    lamps = [
+        lathe([[0, 0], [0.02, 0], [0.015, 0.03], [0, 0.03]], 10)
+        .turned([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+        .moved(x, -0.52, 1.7)
+        for x in (-0.5, -0.4, -0.3, 0.3, 0.4, 0.5)
+    ]
+    return [
+        (join([blocks((0, -0.25, 0.1, 1.6, 0.5, 1.9), (0, -0.25, 0, 1.5, 0.4, 0.1)), doors]), "light grey"),
+        (join(lamps), "orange"),
+    ]
 
 
 RECIPES: dict[str, Recipe] = {
@@ -128,10 +200,20 @@ def tank(radius: float, height: float, sectors: int) -> Mesh:
     low = 0.4 + radius / 2
     shell = lathe(_heads(radius, low, height - radius / 2), sectors)
     skirt = lathe(
-        [[radius * 0.85, 0.0], [radius * 1.08, 0.0], [radius * 1.08, 0.05], [radius * 0.98, 0.05], [radius * 0.98, low + 0.1], [radius * 0.85, low + 0.1], [radius * 0.85, 0.0]],
+        [
+            [radius * 0.85, 0.0],
+            [radius * 1.08, 0.0],
+            [radius * 1.08, 0.05],
+            [radius * 0.98, 0.05],
+            [radius * 0.98, low + 0.1],
+            [radius * 0.85, low + 0.1],
+            [radius * 0.85, 0.0],
+        ],
         sectors,
     )
-    bands = copies(ring(radius, 0.03, sectors, 6), [[0, 0, z] for z in np.linspace(low, height - radius / 2, 4).tolist()])
+    bands = copies(
+        ring(radius, 0.03, sectors, 6), [[0, 0, z] for z in np.linspace(low, height - radius / 2, 4).tolist()]
+    )
     return join([shell, skirt, bands])
 
 
@@ -141,7 +223,12 @@ def nozzles(centre: Floats, radius: float, zs: Floats, degrees: Floats, bore: fl
     out = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     start = centre + out * (radius - 0.05) + np.stack([np.zeros_like(zs), np.zeros_like(zs), zs], axis=1)
     faces = start + out * 0.2
-    return cylinders(np.concatenate([start, faces]), np.concatenate([start + out * 0.25, faces + out * 0.07]), np.repeat([bore, bore * 1.7], len(zs)), 18)
+    return cylinders(
+        np.concatenate([start, faces]),
+        np.concatenate([start + out * 0.25, faces + out * 0.07]),
+        np.repeat([bore, bore * 1.7], len(zs)),
+        18,
+    )
 
 
 def vessel(radius: float, length: float, sectors: int) -> tuple[Mesh, Mesh]:
@@ -149,7 +236,16 @@ def vessel(radius: float, length: float, sectors: int) -> tuple[Mesh, Mesh]:
     middle = radius + 0.45
     shell = lathe(_heads(radius, -length / 2, length / 2), sectors).turned(X_UP).moved(0, 0, middle)
     wide = radius * 1.6
-    outline = np.array([[-wide / 2, 0], [wide / 2, 0], [wide / 2, middle * 0.85], [radius * 0.35, 0.5], [-radius * 0.35, 0.5], [-wide / 2, middle * 0.85]])
+    outline = np.array(
+        [
+            [-wide / 2, 0],
+            [wide / 2, 0],
+            [wide / 2, middle * 0.85],
+            [radius * 0.35, 0.5],
+            [-radius * 0.35, 0.5],
+            [-wide / 2, middle * 0.85],
+        ]
+    )
     axes = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     saddles = prisms(outline, [[x - 0.12, 0, 0] for x in (-length * 0.33, length * 0.33)], axes[None], [0.24, 0.24])
     return shell, saddles
@@ -159,30 +255,44 @@ def ladder(foot: Floats, height: float, degrees: float) -> Mesh:
     """A ladder from `foot` (3,) up; climbers look in direction `degrees`."""
     turn = turn_z(degrees)
     side = turn @ np.array([0.0, 0.22, 0.0])
-    posts = cylinders([foot - side, foot + side], [foot - side + (0, 0, height + 1.0), foot + side + (0, 0, height + 1.0)], 0.025, 8)
+    posts = cylinders(
+        [foot - side, foot + side], [foot - side + (0, 0, height + 1.0), foot + side + (0, 0, height + 1.0)], 0.025, 8
+    )
     z = np.arange(0.3, height, 0.3)
     at = foot + np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=1)
     rungs = cylinders(at - side, at + side, 0.012, 6)
     return join([posts, rungs])
 
 
-def handrail(points: Floats, closed: bool) -> Mesh:
+def handrail(points: Floats) -> Mesh:
     """A railing with two rails, posts and a toe board along `points` (n, 3) at floor height."""
-    ends = np.concatenate([points, points[:1]]) if closed else points
-    first, last = ends[:-1], ends[1:]
+    first, last = points[:-1], points[1:]
     length = np.linalg.norm(last - first, axis=1)
-    rails = cylinders(np.concatenate([first, first]) + np.repeat([[0, 0, 1.1], [0, 0, 0.55]], len(first), axis=0), np.concatenate([last, last]) + np.repeat([[0, 0, 1.1], [0, 0, 0.55]], len(first), axis=0), 0.021, 10)
-    posts = []
-    for a, b, long in zip(first, last, length.tolist(), strict=True):
-        t = np.linspace(0.0, 1.0, max(2, round(long / 1.2) + 1))[: None if not closed and b is last[-1] else -1]
-        posts.append(a + (b - a) * t[:, None])
-    if not closed:
-        posts.append(ends[-1:])
+    rails = [cylinders(first + vec(0, 0, high), last + vec(0, 0, high), 0.021, 10) for high in (1.1, 0.55)]
+    legs = zip(first, last, length.tolist(), strict=True)
+    posts = [a + (b - a) * np.linspace(0.0, 1.0, max(2, round(long / 1.2) + 1))[:, None] for a, b, long in legs]
     at = np.unique(np.round(np.concatenate(posts), 6), axis=0)
-    uprights = cylinders(at, at + (0, 0, 1.1), 0.021, 10)
-    along = (last - first) / length[:, None]
-    toe = turned_boxes((first + last) / 2 + (0, 0, 0.07), np.stack([np.full(len(first), 0.004), np.full(len(first), 0.06), length / 2], axis=1), frames_along(along))
-    return join([rails, uprights, toe])
+    uprights = cylinders(at, at + vec(0, 0, 1.1), 0.021, 10)
+    middle = (first + last) / 2 + (0, 0, 0.07)
+    halves = np.stack([np.full(len(first), 0.004), np.full(len(first), 0.06), length / 2], axis=1)
+    toe = turned_boxes(middle, halves, frames_along(last - first))
+    return join([*rails, uprights, toe])
+
+
+def gallery(centre: Floats, radius: float, high: float) -> tuple[Mesh, Mesh]:
+    """A platform around an upright tank of `radius` about `centre` (3,) at height `high`: floor and railing."""
+    inner, outer = radius + 0.01, radius + 0.95
+    section = [[inner, high - 0.06], [outer, high - 0.06], [outer, high], [inner, high], [inner, high - 0.06]]
+    angle = np.linspace(0.0, 2 * np.pi, 15)
+    angle[-1] = 0.0
+    edge = centre + np.stack(
+        [np.cos(angle) * (outer - 0.05), np.sin(angle) * (outer - 0.05), np.full(15, high)], axis=1
+    )
+    brackets = np.arange(8) * (np.pi / 4)
+    out = np.stack([np.cos(brackets), np.sin(brackets), np.zeros(8)], axis=1)
+    low = centre + out * (radius - 0.02) + (0, 0, high - 0.9)
+    struts = cylinders(low, low + out * 0.9 + (0, 0, 0.83), 0.03, 8)
+    return join([lathe(section, 28).moved(*centre.tolist()), struts]), handrail(edge)
 
 
 def stairs(foot: Floats, run: float, rise: float, wide: float, steps: int) -> tuple[Mesh, Mesh]:
@@ -196,12 +306,12 @@ def stairs(foot: Floats, run: float, rise: float, wide: float, steps: int) -> tu
     stringers = turned_boxes(ends, [[0.012, 0.12, float(np.hypot(run, rise)) / 2]] * 2, slope)
     rails = []
     for y in (-wide / 2 - 0.02, wide / 2 + 0.02):
-        low, high = foot + (0.1, y, 0.0), foot + (run, y, rise)
-        rails.append(np.stack([low, low + (0, 0, 1.1), high + (0, 0, 1.1), high]))
+        low, high = foot + vec(0.1, y, 0.0), foot + vec(run, y, rise)
+        rails.append(np.stack([low, low + vec(0, 0, 1.1), high + vec(0, 0, 1.1), high]))
     t = np.linspace(0.15, 0.85, 5)
     posts = np.concatenate([rail[0] + (rail[3] - rail[0]) * t[:, None] for rail in rails])
     mid = cylinders([rail[0] + (0, 0, 0.55) for rail in rails], [rail[3] + (0, 0, 0.55) for rail in rails], 0.018, 8)
-    railing = join([tubes(np.stack(rails), 0.021, 3.0, 10, 4), cylinders(posts, posts + (0, 0, 1.1), 0.018, 8), mid])
+    railing = join([tubes(np.stack(rails), 0.021, 3.0, 10, 4), cylinders(posts, posts + vec(0, 0, 1.1), 0.018, 8), mid])
     return join([boxes(lo, hi), stringers]), railing
 
 
@@ -209,8 +319,14 @@ def tray(x0: float, x1: float, y: float, z: float, wide: float, cables: Floats) 
     """A cable ladder along x with cables (k, 2): offset across and radius."""
     rungs = np.arange(x0 + 0.15, x1, 0.3)
     n = len(rungs)
-    rails = boxes([[x0, y - wide / 2 - 0.015, z], [x0, y + wide / 2, z]], [[x1, y - wide / 2, z + 0.1], [x1, y + wide / 2 + 0.015, z + 0.1]])
-    bars = boxes(np.stack([rungs - 0.015, np.full(n, y - wide / 2), np.full(n, z + 0.01)], 1), np.stack([rungs + 0.015, np.full(n, y + wide / 2), np.full(n, z + 0.03)], 1))
+    rails = boxes(
+        [[x0, y - wide / 2 - 0.015, z], [x0, y + wide / 2, z]],
+        [[x1, y - wide / 2, z + 0.1], [x1, y + wide / 2 + 0.015, z + 0.1]],
+    )
+    bars = boxes(
+        np.stack([rungs - 0.015, np.full(n, y - wide / 2), np.full(n, z + 0.01)], 1),
+        np.stack([rungs + 0.015, np.full(n, y + wide / 2), np.full(n, z + 0.03)], 1),
+    )
     at = np.stack([np.full(len(cables), x0 + 0.05), y + cables[:, 0], z + 0.03 + cables[:, 1]], axis=1)
-    end = at + (x1 - x0 - 0.1, 0, 0)
+    end = at + vec(x1 - x0 - 0.1, 0, 0)
     return join([rails, bars]), cylinders(at, end, cables[:, 1], 8)

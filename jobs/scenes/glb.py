@@ -82,7 +82,9 @@ class GlbWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         for file in (self._data, *(each.file for each in self._lists())):
             file.close()
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -114,9 +116,7 @@ class GlbWriter:
                 f"{self.out}: the scene does not fit into one GLB file (4 GiB at most): ask for fewer triangles"
             )
         self._data.write(np.ascontiguousarray(array).data)
-        view = self._views.add(
-            f'{{"buffer":0,"byteOffset":{self._offset},"byteLength":{size},"target":{target}}}'
-        )
+        view = self._views.add(f'{{"buffer":0,"byteOffset":{self._offset},"byteLength":{size},"target":{target}}}')
         padding = -size % 4
         if padding:
             self._data.write(bytes(padding))
@@ -211,9 +211,9 @@ class GlbWriter:
             file.write(json.dumps(head, separators=(",", ":"))[:-1].encode())
             file.write(f',"scenes":{json.dumps([scene], separators=(",", ":"))}'.encode())
             file.write(f',"materials":{json.dumps(self._materials, separators=(",", ":"))}'.encode())
-            for each in self._lists():
-                file.write(f',"{each.path.name}":['.encode())
-                _append(file, each.path)
+            for items in self._lists():
+                file.write(f',"{items.path.name}":['.encode())
+                _append(file, items.path)
                 file.write(b"]")
             file.write(f',"buffers":[{{"byteLength":{self._offset}}}]}}'.encode())
             file.write(b" " * (-file.tell() % 4))

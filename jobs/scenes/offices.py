@@ -11,7 +11,7 @@ import numpy as np
 
 from jobs.scenes.furnishings import FURNISHINGS
 from jobs.scenes.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
-from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes
+from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, vec
 from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = FURNISHINGS
@@ -87,7 +87,7 @@ def walk(triangles: int, seed: int) -> Walk:
         dx, dy = _tower_place(tower, len(towers))
         spots = [(x, CORRIDOR_Y) for x in (1.5, 9.5, 18.0, 26.5, 34.5)]
         for room in _rooms(seed, tower):
-            spots += [(room.door, room.strip), ((room.x0 + room.x1) / 2, room.strip)]
+            spots += [(room.door, room.strip), (room.x0 + 0.875 if room.hinge_east else room.x1 - 0.875, room.strip)]
         points += [(x + dx, y + dy, k * STOREY + EYE_HEIGHT) for k in range(storeys) for x, y in spots]
     rooms = _rooms(seed, 0)
     tour: list[Point] = []
@@ -99,12 +99,25 @@ def walk(triangles: int, seed: int) -> Walk:
             tour += [(room.door, CORRIDOR_Y, z), (room.door, room.strip, z)]
             if not room.hinge_east:  # an opening leads to the next room
                 partner = rooms[room.number]
-                tour += [((partner.x0 + partner.x1) / 2, room.strip, z), (room.door, room.strip, z)]
+                tour += [(partner.door, room.strip, z), (room.door, room.strip, z)]
             tour += [(room.door, CORRIDOR_Y, z)]
         tour += [(34.5, CORRIDOR_Y, z), (2.5, CORRIDOR_Y, z)]
         if storey + 1 < min(3, towers[0]):
-            tour += [(2.5, 9.5, z), (1.25, 9.5, z), (1.25, 10.25, z), (1.25, 13.25, z + STOREY / 2), (1.25, 14.0, z + STOREY / 2)]
-            tour += [(3.6875, 14.0, z + STOREY / 2), (3.6875, 13.25, z + STOREY / 2), (3.6875, 10.25, z + STOREY), (3.6875, 9.5, z + STOREY), (2.5, 9.5, z + STOREY), (2.5, CORRIDOR_Y, z + STOREY)]
+            tour += [
+                (2.5, 9.5, z),
+                (1.25, 9.5, z),
+                (1.25, 10.25, z),
+                (1.25, 13.25, z + STOREY / 2),
+                (1.25, 14.0, z + STOREY / 2),
+            ]
+            tour += [
+                (3.6875, 14.0, z + STOREY / 2),
+                (3.6875, 13.25, z + STOREY / 2),
+                (3.6875, 10.25, z + STOREY),
+                (3.6875, 9.5, z + STOREY),
+                (2.5, 9.5, z + STOREY),
+                (2.5, CORRIDOR_Y, z + STOREY),
+            ]
     return Walk(np.array(points, np.float64), np.array(tour, np.float64))
 
 
@@ -138,7 +151,14 @@ def _roof(stage: Stage, tower: int, storeys: int) -> None:
     """Roof slab and parapet. They belong to the tower; the last storey has left triangles for them."""
     z = storeys * STOREY
     slab = boxes([(0.0, 0.0, z - 0.25)], [(WIDTH, DEPTH, z)])
-    parapet = plate("z", [0.0, OUTER, WIDTH - OUTER, WIDTH], [0.0, OUTER, DEPTH - OUTER, DEPTH], [[1, 1, 1], [1, 0, 1], [1, 1, 1]], z, z + 0.75)
+    parapet = plate(
+        "z",
+        [0.0, OUTER, WIDTH - OUTER, WIDTH],
+        [0.0, OUTER, DEPTH - OUTER, DEPTH],
+        [[1, 1, 1], [1, 0, 1], [1, 1, 1]],
+        z,
+        z + 0.75,
+    )
     stage.add(f"tower {tower + 1} roof", join([slab, parapet]), "dark concrete")
 
 
@@ -177,7 +197,7 @@ def _floor(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> Non
     soft = np.array([room.kind in ("office", "open", "meeting", "library") for room in rooms])
     stage.add(f"{name} room carpets", boxes(lo[soft], hi[soft] + (0, 0, 1 / 64)), "carpet light")
     stage.add(f"{name} parquet", boxes(lo[~soft], hi[~soft] + (0, 0, 1 / 64)), "wood")
-    stage.add(f"{name} ceilings", boxes(lo + (0, 0, CLEAR - 1 / 32), hi + (0, 0, CLEAR)), "white")
+    stage.add(f"{name} ceilings", boxes(lo + vec(0, 0, CLEAR - 1 / 32), hi + vec(0, 0, CLEAR)), "white")
 
 
 def _facades(stage: Stage, name: str, storey: int) -> None:
@@ -195,8 +215,11 @@ def _facades(stage: Stage, name: str, storey: int) -> None:
     bars_lo, bars_hi = [], []
     for y in (0.09375, DEPTH - 0.15625):
         for a0, a1, b0, b1 in (
-            (u0, u0 + 0.0625, v0, v1), (u1 - 0.0625, u1, v0, v1), (u0 + 0.0625, u1 - 0.0625, v0, v0 + 0.0625),
-            (u0 + 0.0625, u1 - 0.0625, v1 - 0.0625, v1), ((u0 + u1) / 2 - 0.03125, (u0 + u1) / 2 + 0.03125, v0 + 0.0625, v1 - 0.0625),
+            (u0, u0 + 0.0625, v0, v1),
+            (u1 - 0.0625, u1, v0, v1),
+            (u0 + 0.0625, u1 - 0.0625, v0, v0 + 0.0625),
+            (u0 + 0.0625, u1 - 0.0625, v1 - 0.0625, v1),
+            ((u0 + u1) / 2 - 0.03125, (u0 + u1) / 2 + 0.03125, v0 + 0.0625, v1 - 0.0625),
         ):
             bars_lo.append(np.stack([a0, np.full_like(a0, y), b0], axis=1))
             bars_hi.append(np.stack([a1, np.full_like(a0, y + 0.0625), b1], axis=1))
@@ -207,7 +230,14 @@ def _facades(stage: Stage, name: str, storey: int) -> None:
     stage.add(f"{name} window sills", boxes(lo, hi), "light grey")
 
 
-def _wall(axis: str, span: tuple[float, float], holes: list[tuple[float, float, float, float]], near: float, far: float, manner: str) -> Mesh:
+def _wall(
+    axis: str,
+    span: tuple[float, float],
+    holes: list[tuple[float, float, float, float]],
+    near: float,
+    far: float,
+    manner: str,
+) -> Mesh:
     """A wall with openings down to the floor, built in one of the three manners."""
     us, vs, solid = openings(span, (0.0, CLEAR), holes)
     if manner == "slab":
@@ -224,7 +254,11 @@ def _wall(axis: str, span: tuple[float, float], holes: list[tuple[float, float, 
         ranges.append((us[0] - 0.0625, us[-1] + 0.0625, DOOR_HEIGHT, CLEAR, 0.0))
     lo, hi = [], []
     for u0, u1, z0, z1, inset in ranges:
-        low, high = ([u0, near + inset, z0], [u1, far - inset, z1]) if axis == "y" else ([near + inset, u0, z0], [far - inset, u1, z1])
+        low, high = (
+            ([u0, near + inset, z0], [u1, far - inset, z1])
+            if axis == "y"
+            else ([near + inset, u0, z0], [far - inset, u1, z1])
+        )
         lo.append(low)
         hi.append(high)
     return boxes(lo, hi)
@@ -236,7 +270,11 @@ def _corridor_wall(stage: Stage, name: str, rooms: tuple[Room, ...], north: bool
     if north:
         holes.append((1.75, 3.25, 0.0, DOOR_HEIGHT))
     side = "north" if north else "south"
-    stage.add(f"{name} {side} corridor wall ({manner})", _wall("y", (OUTER, WIDTH - OUTER), holes, y, y + INNER, manner), "plaster")
+    stage.add(
+        f"{name} {side} corridor wall ({manner})",
+        _wall("y", (OUTER, WIDTH - OUTER), holes, y, y + INNER, manner),
+        "plaster",
+    )
 
 
 def _cross_walls(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> None:
@@ -265,14 +303,29 @@ def _stairs(stage: Stage, name: str) -> None:
     stage.add(f"{name} stairs", steps, "concrete")
     high = 1.0
     rails = tubes(
-        [[[2.0, first, 0.2], [2.0, first, high], [2.0, 13.25, STOREY / 2 + high], [2.0, 13.25, STOREY / 2 + 0.1]],
-         [[2.875, first, STOREY + 0.0], [2.875, first, STOREY + high], [2.875, 13.25, STOREY / 2 + high], [2.875, 13.25, STOREY / 2 + 0.1]]],
-        0.025, 2.0, 12, 4,
+        [
+            [[2.0, first, 0.2], [2.0, first, high], [2.0, 13.25, STOREY / 2 + high], [2.0, 13.25, STOREY / 2 + 0.1]],
+            [
+                [2.875, first, STOREY + 0.0],
+                [2.875, first, STOREY + high],
+                [2.875, 13.25, STOREY / 2 + high],
+                [2.875, 13.25, STOREY / 2 + 0.1],
+            ],
+        ],
+        0.025,
+        2.0,
+        12,
+        4,
     )
     along = first + np.arange(1, 20) * run / 2
     t = (along - first) / 3.0
-    bars_lo = np.concatenate([np.stack([np.full(19, x), along, base + 0.05], axis=1) for x, base in ((2.0, t * STOREY / 2), (2.875, STOREY - t * STOREY / 2))])
-    bars = cylinders(bars_lo, bars_lo + (0, 0, high - 0.05), 0.009, 6)
+    bars_lo = np.concatenate(
+        [
+            np.stack([np.full(19, x), along, base + 0.05], axis=1)
+            for x, base in ((2.0, t * STOREY / 2), (2.875, STOREY - t * STOREY / 2))
+        ]
+    )
+    bars = cylinders(bars_lo, bars_lo + vec(0, 0, high - 0.05), 0.009, 6)
     stage.add(f"{name} stair railings", join([rails, bars]), "black")
 
 
@@ -281,17 +334,33 @@ def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
     x0, x1 = OUTER + 0.25, WIDTH - OUTER - 0.25
     stage.add(f"{name} duct", boxes([(x0, 6.75, 2.8125)], [(x1, 7.25, 3.125)]), "galvanised")
     ys = np.array([7.75, 7.90625, 8.0625])
-    pipes = cylinders(np.stack([np.full(3, x0), ys, np.full(3, 2.9375)], axis=1), np.stack([np.full(3, x1), ys, np.full(3, 2.9375)], axis=1), [0.05, 0.04, 0.03], 16)
+    pipes = cylinders(
+        np.stack([np.full(3, x0), ys, np.full(3, 2.9375)], axis=1),
+        np.stack([np.full(3, x1), ys, np.full(3, 2.9375)], axis=1),
+        [0.05, 0.04, 0.03],
+        16,
+    )
     hangers = np.arange(2.0, x1, 3.0)
-    straps = boxes(np.stack([hangers, np.full_like(hangers, 7.6875), np.full_like(hangers, 2.84375)], axis=1), np.stack([hangers + 0.03125, np.full_like(hangers, 8.125), np.full_like(hangers, 2.875)], axis=1))
+    straps = boxes(
+        np.stack([hangers, np.full_like(hangers, 7.6875), np.full_like(hangers, 2.84375)], axis=1),
+        np.stack([hangers + 0.03125, np.full_like(hangers, 8.125), np.full_like(hangers, 2.875)], axis=1),
+    )
     stage.add(f"{name} corridor pipes", join([pipes, straps]), "brass")
     frames_lo, frames_hi, boards_lo, boards_hi = [], [], [], []
     for room in rooms:
         near, far = (NORTH_WALL, NORTH_WALL + INNER) if room.north else (SOUTH_WALL, SOUTH_WALL + INNER)
         near, far = near - 1 / 32, far + 1 / 32
         left, right = room.door - DOOR_WIDTH / 2, room.door + DOOR_WIDTH / 2
-        frames_lo += [(left - 1 / 16, near, 0.0), (right - 1 / 64, near, 0.0), (left + 1 / 64, near, DOOR_HEIGHT - 1 / 64)]
-        frames_hi += [(left + 1 / 64, far, DOOR_HEIGHT + 1 / 16), (right + 1 / 16, far, DOOR_HEIGHT + 1 / 16), (right - 1 / 64, far, DOOR_HEIGHT + 1 / 16)]
+        frames_lo += [
+            (left - 1 / 16, near, 0.0),
+            (right - 1 / 64, near, 0.0),
+            (left + 1 / 64, near, DOOR_HEIGHT - 1 / 64),
+        ]
+        frames_hi += [
+            (left + 1 / 64, far, DOOR_HEIGHT + 1 / 16),
+            (right + 1 / 16, far, DOOR_HEIGHT + 1 / 16),
+            (right - 1 / 64, far, DOOR_HEIGHT + 1 / 16),
+        ]
         y = room.y1 if room.north else room.y0
         low, high = (y - 1 / 64, y) if room.north else (y, y + 1 / 64)
         boards_lo.append((room.x0, low, 0.0))

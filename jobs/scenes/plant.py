@@ -11,7 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.scenes import equipment
-from jobs.scenes.solids import Floats, Mesh, beams, boxes, frames_along, i_profile, join, openings, plate, tube_triangles, tubes, turn_z
+from jobs.scenes.solids import (
+    Floats,
+    Mesh,
+    beams,
+    boxes,
+    cylinders,
+    frames_along,
+    i_profile,
+    join,
+    lathe,
+    openings,
+    plate,
+    sphere,
+    tube_triangles,
+    tubes,
+    turn_z,
+    vec,
+)
 from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = equipment.RECIPES
@@ -25,6 +42,7 @@ RACK_HALF = 1.375
 LEVELS = (3.25, 4.375, 5.5, 6.625)
 LANES = np.arange(-4, 5) * 0.28125  # across a rack
 MIDDLE_AISLE = 11.625
+OUTSIDE_FROM = 250_000  # triangles of the whole plant
 TANKS_Y, VESSELS_Y = 5.0, 18.75
 PLATFORM = 4.0
 BEND, BEND_STEPS = 2.2, 5  # bend radius over pipe radius; rings of facets in a bend
@@ -61,8 +79,8 @@ def _halls(triangles: int, seed: int) -> dict[tuple[int, int], Hall]:
             number=k,
             column=k % columns,
             row=k // columns,
-            yard=k % 7 == 5,
-            south_door=5.0 + round(float(doors[k, 0]) * 26 * 4) / 4,
+            yard=k % 7 == 3,
+            south_door=6.0 + 6.0 * int(doors[k, 0] * 5) + round((float(doors[k, 0]) * 5 % 1 - 0.5) * 10) / 4,
             west_door=4.0 + round(float(doors[k, 1]) * 16 * 4) / 4,
         )
         for k in range(count)
@@ -72,7 +90,12 @@ def _halls(triangles: int, seed: int) -> dict[tuple[int, int], Hall]:
 def _ring(hall: Hall, start: Point, end: Point) -> list[Point]:
     """The corners passed on the shorter way along a hall's walkway from `start` to `end` (both on it)."""
     x0, y0 = hall.column * LENGTH, hall.row * DEPTH
-    corners = [(x0 + AISLE, y0 + AISLE), (x0 + LENGTH - AISLE, y0 + AISLE), (x0 + LENGTH - AISLE, y0 + DEPTH - AISLE), (x0 + AISLE, y0 + DEPTH - AISLE)]
+    corners = [
+        (x0 + AISLE, y0 + AISLE),
+        (x0 + LENGTH - AISLE, y0 + AISLE),
+        (x0 + LENGTH - AISLE, y0 + DEPTH - AISLE),
+        (x0 + AISLE, y0 + DEPTH - AISLE),
+    ]
     wide, deep = LENGTH - 2 * AISLE, DEPTH - 2 * AISLE
     total = 2 * (wide + deep)
 
@@ -130,12 +153,41 @@ def build(stage: Stage, triangles: int, seed: int) -> None:
     stage.writer.begin("plant")
     ground = boxes([(-20.0, -20.0, -0.75)], [(columns * LENGTH + 20, rows * DEPTH + 20, -0.25)])
     stage.add("ground", ground, "pavement")
+    if triangles >= OUTSIDE_FROM:
+        _outside(stage)
     for done, (place, hall) in enumerate(halls.items()):
         goal = stage.writer.triangles + stage.left // (len(halls) - done)
         _Builder(stage, hall, goal, np.random.default_rng([seed, 12, hall.number])).build(
             north_end=(place[0], place[1] + 1) not in halls, east_end=(place[0] + 1, place[1]) not in halls
         )
         stage.report()
+    stage.writer.end()
+
+
+def _outside(stage: Stage) -> None:
+    """Two chimneys and three spherical gas tanks west of the halls."""
+    stage.writer.begin("outside")
+    for k, y in enumerate((6.0, 13.0)):
+        high = 26.0 - 4.0 * k
+        edges = np.linspace(0.0, high, 8)
+        shaft = [
+            lathe([[0.0, a], [1.5 - 0.02 * a, a], [1.5 - 0.02 * b, b], [0.0, b]], 32).moved(-9.0, y, -0.25)
+            for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+        ]
+        stage.add(f"chimney {k + 1}", join([*shaft[:4], shaft[5]]), "light grey")
+        stage.add(f"chimney {k + 1} bands", join([shaft[4], shaft[6]]), "red")
+    for k in range(3):
+        at = np.array([-11.0, 24.0 + 9.5 * k, 4.25])
+        angle = np.arange(8) * (np.pi / 4)
+        foot = at + np.stack([3.3 * np.cos(angle), 3.3 * np.sin(angle), np.full(8, -4.5)], axis=1)
+        legs = cylinders(foot, foot + vec(0, 0, 5.2), 0.16, 12)
+        braces = cylinders(foot + vec(0, 0, 0.2), np.roll(foot, 1, axis=0) + vec(0, 0, 3.6), 0.04, 8)
+        stage.add(f"gas tank {k + 1}", sphere(3.5, 3).moved(*at.tolist()), "white")
+        stage.add(f"gas tank {k + 1} legs", join([legs, braces]), "steel")
+        edge = np.linspace(0.0, 2 * np.pi, 11)
+        edge[-1] = 0.0
+        rail = at + np.stack([1.2 * np.cos(edge), 1.2 * np.sin(edge), np.full(11, 3.3)], axis=1)
+        stage.add(f"gas tank {k + 1} railing", equipment.handrail(rail), "yellow")
     stage.writer.end()
 
 
@@ -200,7 +252,13 @@ class _LineMaker:
 
     def _valve(self, x: float, z: float) -> _Fitting:
         up, out = np.array([0.0, 0.0, 1.0]), np.array([0.0, self.side, 0.0])
-        return _Fitting(f"{self.name} valve", "valve", (x, self.outside, z), np.stack([up, np.cross(out, up), out], axis=1), self.radius)
+        return _Fitting(
+            f"{self.name} valve",
+            "valve",
+            (x, self.outside, z),
+            np.stack([up, np.cross(out, up), out], axis=1),
+            self.radius,
+        )
 
     def pumped(self, x: float, target: Point) -> _Line | None:
         """From a pump under the rack at `x` up to the lane and down to `target`; None if they do not fit together."""
@@ -220,20 +278,36 @@ class _LineMaker:
     def dropped(self, x: float) -> _Line:
         """From the rack's farther end to a leg at `x` that goes down to the floor."""
         end = 3.4 if x > LENGTH / 2 else LENGTH - 3.4
-        route = [(end, self.y, self.z), (x, self.y, self.z), (x, self.y, self.crossing), (x, self.outside, self.crossing), (x, self.outside, 0.06)]
+        route = [
+            (end, self.y, self.z),
+            (x, self.y, self.z),
+            (x, self.y, self.crossing),
+            (x, self.outside, self.crossing),
+            (x, self.outside, 0.06),
+        ]
         flanges = [self._flange(1, (x, self.outside, 0.12), _UPRIGHT), self._flange(2, (end, self.y, self.z), _ALONG)]
         return _Line(self.name, route, self.radius, [self._valve(x, 1.25), *flanges])
 
     def looped(self, x: float, half: float) -> _Line:
         """Straight through, with an expansion loop about `x`."""
-        flat = [(3.4, self.z), (x - half, self.z), (x - half, self.crossing), (x + half, self.crossing), (x + half, self.z), (LENGTH - 3.4, self.z)]
+        flat = [
+            (3.4, self.z),
+            (x - half, self.z),
+            (x - half, self.crossing),
+            (x + half, self.crossing),
+            (x + half, self.z),
+            (LENGTH - 3.4, self.z),
+        ]
         route = [(along, self.y, high) for along, high in flat]
-        flanges = [self._flange(k + 1, (end, self.y, self.z), _ALONG) for k, end in enumerate((3.4, x + half + 1.5, LENGTH - 3.4))]
+        flanges = [
+            self._flange(k + 1, (end, self.y, self.z), _ALONG)
+            for k, end in enumerate((3.4, x + half + 1.5, LENGTH - 3.4))
+        ]
         return _Line(self.name, route, self.radius, flanges)
 
 
 def _connections(ends: Floats, rack: int) -> list[Point]:
-    """Where lines may end: on the tops of tanks (first rack) or vessels (second), given as in `_tanks` and `_vessels`."""
+    """Where lines may end: on the tops of tanks (first rack) or vessels (second), as `_tanks`, `_vessels` give them."""
     found: list[Point] = []
     for x, y, top, size in ends.tolist():
         for offset in np.arange(-2, 3) * (0.3 * size if rack == 0 else 0.45 * size):
@@ -274,8 +348,8 @@ class _Builder:
                 continue
             writer.begin(f"{name} rack {rack + 1}")
             self._rack(rack, y)
-            keep = 0.52 if rack == 0 else 0.08
-            self._lines(rack, y, self.left - int(share * keep) if self.left > share * keep else 0, tanks if rack == 0 else vessels)
+            spendable = self.left - 0.06 * share
+            self._lines(rack, y, int(spendable * (0.42 if rack == 0 else 1.0)), tanks if rack == 0 else vessels)
             writer.end()
         self._fittings()
         self._conduits()
@@ -287,27 +361,33 @@ class _Builder:
         hall, add, name = self.hall, self.stage.add, self.hall.name
         half = DOOR_WIDTH / 2
         high = HEIGHT + WALL
-        clerestory = [(x, x + 3.0, 6.5, 7.5) for x in np.arange(3.0, LENGTH - 4.0, 5.0).tolist()]
-        lights = [(y, y + 2.5, 6.5, 7.5) for y in np.arange(3.0, DEPTH - 4.0, 4.0).tolist()]
+        outer = 3.5 if hall.yard else high  # a yard has low walls where it ends the plant
+        clerestory = [(x, x + 3.0, 6.5, 7.5) for x in np.arange(3.0, LENGTH - 4.0, 5.0).tolist() if not hall.yard]
+        lights = [(y, y + 2.5, 6.5, 7.5) for y in np.arange(3.0, DEPTH - 4.0, 4.0).tolist() if not hall.yard]
         add(f"{name} floor", boxes([(0.0, 0.0, -0.25)], [(LENGTH, DEPTH, 0.0)]), "concrete")
         door = (hall.south_door - half, hall.south_door + half, 0.0, DOOR_HEIGHT)
         holes = [door, *(clerestory if hall.row == 0 else [])]
-        wall = plate("y", *openings((WALL, LENGTH), (0.0, high), holes), 0.0, WALL)
+        wall = plate("y", *openings((WALL, LENGTH), (0.0, outer if hall.row == 0 else high), holes), 0.0, WALL)
         add(f"{name} south wall", wall, "brick" if hall.row == 0 else "light grey")
         door = (hall.west_door - half, hall.west_door + half, 0.0, DOOR_HEIGHT)
         holes = [door, *(lights if hall.column == 0 else [])]
-        wall = plate("x", *openings((0.0, DEPTH), (0.0, high), holes), 0.0, WALL)
+        wall = plate("x", *openings((0.0, DEPTH), (0.0, outer if hall.column == 0 else high), holes), 0.0, WALL)
         add(f"{name} west wall", wall, "brick" if hall.column == 0 else "light grey")
         if north_end:
-            wall = plate("y", *openings((0.0, LENGTH), (0.0, high), clerestory), DEPTH, DEPTH + WALL)
+            wall = plate("y", *openings((0.0, LENGTH), (0.0, outer), clerestory), DEPTH, DEPTH + WALL)
             add(f"{name} north wall", wall, "brick")
         if east_end:
-            gate = (DEPTH / 2 - 2.0, DEPTH / 2 + 2.0, 0.0, 4.5)
-            wall = plate("x", *openings((0.0, DEPTH), (0.0, high), [gate, *lights]), LENGTH, LENGTH + WALL)
+            gate = (DEPTH / 2 - 2.0, DEPTH / 2 + 2.0, 0.0, 3.25)
+            wall = plate("x", *openings((0.0, DEPTH), (0.0, outer), [gate, *lights]), LENGTH, LENGTH + WALL)
             add(f"{name} east wall", wall, "brick")
+        self._lines_on_floor()
         frames_lo, frames_hi = [], []
         for at, across in ((hall.south_door, 1), (hall.west_door, 0)):
-            for u0, u1, z0, z1 in ((at - half - 0.125, at - half + 0.03125, 0.0, 3.125), (at + half - 0.03125, at + half + 0.125, 0.0, 3.125), (at - half + 0.03125, at + half - 0.03125, DOOR_HEIGHT - 0.03125, 3.125)):
+            for u0, u1, z0, z1 in (
+                (at - half - 0.125, at - half + 0.03125, 0.0, 3.125),
+                (at + half - 0.03125, at + half + 0.125, 0.0, 3.125),
+                (at - half + 0.03125, at + half - 0.03125, DOOR_HEIGHT - 0.03125, 3.125),
+            ):
                 lo, hi = [u0, -0.0625, z0], [u1, WALL + 0.0625, z1]
                 frames_lo.append(lo if across else [lo[1], lo[0], lo[2]])
                 frames_hi.append(hi if across else [hi[1], hi[0], hi[2]])
@@ -316,25 +396,34 @@ class _Builder:
             return
         roof = boxes([(WALL, WALL, HEIGHT)], [(LENGTH, DEPTH, high)])
         domes_x, domes_y = np.meshgrid(np.arange(6.0, LENGTH - 3, 6.0), [6.0, 12.0, 18.0])
-        at = np.stack([domes_x.ravel(), domes_y.ravel(), np.full(domes_x.size, high)], axis=1)
+        domes = np.stack([domes_x.ravel(), domes_y.ravel(), np.full(domes_x.size, high)], axis=1)
         add(f"{name} roof", roof, "slate")
-        add(f"{name} roof lights", boxes(at - (0.75, 1.25, 0.0), at + (0.75, 1.25, 0.375)), "light grey")
+        add(f"{name} roof lights", boxes(domes - vec(0.75, 1.25, 0.0), domes + vec(0.75, 1.25, 0.375)), "light grey")
         if self.left > 20_000:
             for k, x in enumerate((9.0, 18.0, 27.0)):
                 self.stage.put(f"{name} roof fan {k + 1}", "roof fan", (x, 9.0 + 6.0 * (k % 2), high))
+
+    def _lines_on_floor(self) -> None:
+        """Yellow lines along the walkways."""
+        x0, x1, thin = 2.75, LENGTH - 2.5, 0.1
+        lo = [(x0, y, 0.0) for y in (2.75, 10.5, 12.625, DEPTH - 2.5)] + [(x, 2.85, 0.0) for x in (x0, x1 - thin)]
+        hi = [(x1, y + thin, 1 / 128) for y in (2.75, 10.5, 12.625, DEPTH - 2.5)] + [
+            (x + thin, DEPTH - 2.5, 1 / 128) for x in (x0, x1 - thin)
+        ]
+        self.stage.add(f"{self.hall.name} floor lines", boxes(lo, hi), "yellow")
 
     def _steel(self) -> None:
         if self.hall.yard:
             return
         xs = np.array([3.0, 9.0, 15.0, 21.0, 27.0, 33.0])
         feet = np.array([[x, y, 0.0] for y in (0.45, DEPTH - 0.2) for x in xs])
-        columns = beams(feet, feet + (0, 0, HEIGHT - 0.8), i_profile(0.25, 0.35), up=(0.0, 1.0, 0.0))
-        pads = boxes(feet - (0.2, 0.2, 0.0), feet + (0.2, 0.2, 0.04))
+        columns = beams(feet, feet + vec(0, 0, HEIGHT - 0.8), i_profile(0.25, 0.35), up=(0.0, 1.0, 0.0))
+        pads = boxes(feet - vec(0.2, 0.2, 0.0), feet + vec(0.2, 0.2, 0.04))
         at = np.stack([xs, np.full(6, WALL), np.full(6, HEIGHT - 0.4)], axis=1)
-        girders = beams(at, at + (0, DEPTH - WALL, 0), i_profile(0.3, 0.75))
+        girders = beams(at, at + vec(0, DEPTH - WALL, 0), i_profile(0.3, 0.75))
         ys = np.arange(2.0, DEPTH - 1, 2.5)
         start = np.stack([np.full_like(ys, WALL), ys, np.full_like(ys, HEIGHT - 0.13)], axis=1)
-        purlins = beams(start, start + (LENGTH - WALL, 0, 0), i_profile(0.14, 0.25))
+        purlins = beams(start, start + vec(LENGTH - WALL, 0, 0), i_profile(0.14, 0.25))
         self.stage.add(f"{self.hall.name} columns", join([columns, pads]), "steel")
         self.stage.add(f"{self.hall.name} girders", girders, "steel")
         self.stage.add(f"{self.hall.name} purlins", purlins, "steel")
@@ -343,19 +432,22 @@ class _Builder:
         name = f"{self.hall.name} rack {rack + 1}"
         high = LEVELS[-1] + 1.0
         feet = np.array([[x, y + side * (RACK_HALF + 0.1), 0.0] for x in FRAMES for side in (-1, 1)])
-        columns = beams(feet, feet + (0, 0, high), i_profile(0.2, 0.2), up=(0.0, 1.0, 0.0))
+        columns = beams(feet, feet + vec(0, 0, high), i_profile(0.2, 0.2), up=(0.0, 1.0, 0.0))
         heights = [*(level - 0.21 for level in LEVELS), high - 0.1]
         start = np.array([[x, y - RACK_HALF, z] for x in FRAMES for z in heights])
-        across = beams(start, start + (0, 2 * RACK_HALF, 0), i_profile(0.14, 0.2))
-        start = np.array([[FRAMES[0], y + side * (RACK_HALF + 0.1), z - 0.25] for side in (-1, 1) for z in heights[::2]])
-        along = beams(start, start + (FRAMES[-1] - FRAMES[0], 0, 0), i_profile(0.12, 0.16))
+        across = beams(start, start + vec(0, 2 * RACK_HALF, 0), i_profile(0.14, 0.2))
+        start = np.array(
+            [[FRAMES[0], y + side * (RACK_HALF + 0.1), z - 0.25] for side in (-1, 1) for z in heights[::2]]
+        )
+        along = beams(start, start + vec(FRAMES[-1] - FRAMES[0], 0, 0), i_profile(0.12, 0.16))
         self.stage.add(f"{name} frames", join([columns, across, along]), "steel")
 
     # ------------------------------------------------------------------------------------------ equipment
 
     def _tanks(self, share: int) -> Floats:
         """Vertical tanks in the southern strip; (k, 4): x, y, top, radius."""
-        name, rng, found = self.hall.name, self.rng, []
+        found: list[tuple[float, float, float, float]] = []
+        name, rng = self.hall.name, self.rng
         self.stage.writer.begin(f"{name} tanks")
         x = 4.0
         while True:
@@ -370,8 +462,13 @@ class _Builder:
             zs = np.array([1.4, high * 0.45, high * 0.7])
             spouts = equipment.nozzles(centre, radius, zs, np.array([90.0, -90.0, 200.0]), 0.09)
             self.stage.add(label, join([body, spouts]), str(rng.choice(["insulation", "light grey", "cream", "white"])))
-            foot = centre + (0.0, -radius - 0.22, 0.0)
+            foot = centre + vec(0.0, -radius - 0.22, 0.0)
             self.stage.add(f"{label} ladder", equipment.ladder(foot, high - radius / 2, 90.0), "yellow")
+            for floor in np.arange(5.0, high - radius / 2 - 0.5, 4.0).tolist():
+                if self.left > 0.5 * share:
+                    grating, railing = equipment.gallery(centre, radius, floor)
+                    self.stage.add(f"{label} gallery {floor:g}", grating, "galvanised")
+                    self.stage.add(f"{label} gallery {floor:g} railing", railing, "yellow")
             found.append((x + radius, TANKS_Y, high, radius))
             x += 2 * radius + float(np.round(rng.uniform(0.8, 2.4), 2))
         self.stage.writer.end()
@@ -379,7 +476,8 @@ class _Builder:
 
     def _vessels(self, share: int) -> Floats:
         """Horizontal vessels in the northern strip; (k, 4): x, y, top, usable half length."""
-        name, rng, found = self.hall.name, self.rng, []
+        found: list[tuple[float, float, float, float]] = []
+        name, rng = self.hall.name, self.rng
         self.stage.writer.begin(f"{name} vessels")
         x = 11.0
         while True:
@@ -389,7 +487,9 @@ class _Builder:
             label = f"{name} vessel {len(found) + 1}"
             shell, saddles = equipment.vessel(radius, long, 36)
             middle = x + radius / 2 + long / 2
-            self.stage.add(label, shell.moved(middle, VESSELS_Y, 0.0), str(rng.choice(["insulation", "teal", "light grey"])))
+            self.stage.add(
+                label, shell.moved(middle, VESSELS_Y, 0.0), str(rng.choice(["insulation", "teal", "light grey"]))
+            )
             self.stage.add(f"{label} saddles", saddles.moved(middle, VESSELS_Y, 0.0), "dark concrete")
             found.append((middle, VESSELS_Y, 2 * radius + 0.45, long / 2 - 0.2))
             x += long + radius + float(np.round(rng.uniform(0.8, 2.0), 2))
@@ -408,15 +508,30 @@ class _Builder:
         self.stage.writer.begin(name)
         for k in range(rows * columns):
             self.stage.put(f"{name} grating {k + 1}", "grating", (x0 + k % columns, y0 + k // columns, PLATFORM))
-        posts = np.array([[x, y, 0.0] for x in np.linspace(x0 + 0.2, x1 - 0.2, 2 + columns // 6) for y in (y0 + 0.1, y0 + rows - 0.1)])
-        columns_mesh = beams(posts, posts + (0, 0, PLATFORM - 0.235), i_profile(0.18, 0.18), up=(0.0, 1.0, 0.0))
+        posts = np.array(
+            [
+                [x, y, 0.0]
+                for x in np.linspace(x0 + 0.2, x1 - 0.2, 2 + columns // 6)
+                for y in (y0 + 0.1, y0 + rows - 0.1)
+            ]
+        )
+        columns_mesh = beams(posts, posts + vec(0, 0, PLATFORM - 0.235), i_profile(0.18, 0.18), up=(0.0, 1.0, 0.0))
         start = np.array([[x0, y, PLATFORM - 0.135] for y in (y0 + 0.1, y0 + rows / 2, y0 + rows - 0.1)])
-        long = beams(start, start + (x1 - x0, 0, 0), i_profile(0.12, 0.2))
+        long = beams(start, start + vec(x1 - x0, 0, 0), i_profile(0.12, 0.2))
         start = np.array([[x, y0, PLATFORM - 0.135] for x in np.arange(x0 + 0.1, x1, 2.0)])
-        short = beams(start, start + (0, rows, 0), i_profile(0.1, 0.18))
+        short = beams(start, start + vec(0, rows, 0), i_profile(0.1, 0.18))
         self.stage.add(f"{name} steel", join([columns_mesh, long, short]), "steel")
-        corners = np.array([[x0, y0 + 1.1, PLATFORM], [x0, y0, PLATFORM], [x1, y0, PLATFORM], [x1, y0 + rows, PLATFORM], [x0, y0 + rows, PLATFORM], [x0, y0 + 2.4, PLATFORM]])
-        self.stage.add(f"{name} railing", equipment.handrail(corners, closed=False), "yellow")
+        corners = np.array(
+            [
+                [x0, y0 + 1.1, PLATFORM],
+                [x0, y0, PLATFORM],
+                [x1, y0, PLATFORM],
+                [x1, y0 + rows, PLATFORM],
+                [x0, y0 + rows, PLATFORM],
+                [x0, y0 + 2.4, PLATFORM],
+            ]
+        )
+        self.stage.add(f"{name} railing", equipment.handrail(corners), "yellow")
         treads, rails = equipment.stairs(np.array([x0 - 5.5, y0 + 1.75, 0.0]), 5.5, PLATFORM, 0.9, 20)
         self.stage.add(f"{name} stairs", treads, "galvanised")
         self.stage.add(f"{name} stair railings", rails, "yellow")
@@ -439,7 +554,14 @@ class _Builder:
             level, lane = lanes[place]
             radius = float(rng.choice(BORES))
             side = 1.0 if rack == 0 else -1.0  # where the aisle is
-            maker = _LineMaker(f"{self.hall.name} rack {rack + 1} line {number + 1}", y, side, y + float(LANES[lane]), LEVELS[level] - 0.11 + radius, radius)
+            maker = _LineMaker(
+                f"{self.hall.name} rack {rack + 1} line {number + 1}",
+                y,
+                side,
+                y + float(LANES[lane]),
+                LEVELS[level] - 0.11 + radius,
+                radius,
+            )
             line = None
             if number % 3 == 0 and free and targets:
                 line = maker.pumped(free[-1], targets[-1])
@@ -451,7 +573,9 @@ class _Builder:
             elif free:
                 free.pop()
             sides = 12 if radius < 0.06 else 16
-            cost = tube_triangles(len(line.route), sides, BEND_STEPS) + sum(stage.cost(each.thing) for each in line.fittings)
+            cost = tube_triangles(len(line.route), sides, BEND_STEPS) + sum(
+                stage.cost(each.thing) for each in line.fittings
+            )
             if cost > budget:
                 break
             budget -= cost
@@ -477,7 +601,9 @@ class _Builder:
                     stage.put(f"{name} lamp {k + 1}", "hall lamp", at)
         for k in range(6):
             if self.left > stage.cost("switch cabinet") + 1000:
-                stage.put(f"{name} switch cabinet {k + 1}", "switch cabinet", (5.0 + 1.65 * k, 16.7, 0.0), turn_z(180.0))
+                stage.put(
+                    f"{name} switch cabinet {k + 1}", "switch cabinet", (5.0 + 1.65 * k, 16.7, 0.0), turn_z(180.0)
+                )
         for rack, y in enumerate(RACKS):
             for k in range(2):
                 if self.left < 3500:

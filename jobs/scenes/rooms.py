@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jobs.scenes.furnishings import BOOK_CAPACITY, BOOK_VARIANTS, books
 from jobs.scenes.solids import turn_z
@@ -66,25 +67,27 @@ def _workplace(room: Room, x: float, y: float, degrees: float) -> Iterator[Item]
     yield Item(room.number, 1, "chair", at(0.05, -0.72, 0), degrees + 180)
     yield Item(room.number, 2, "monitor", at(-0.1, 0.22, 0.75), degrees)
     yield Item(room.number, 2, "computer", at(-0.62, 0.08, 0), degrees)
-    yield Item(room.number, 5, "keyboard", at(-0.1, -0.12, 0.75), degrees)
+    yield Item(room.number, 4, "keyboard", at(-0.1, -0.12, 0.75), degrees)
     yield Item(room.number, 6, "desk lamp", at(0.62, 0.2, 0.75), degrees)
-    yield Item(room.number, 4, "desk things", at(0.3, -0.05, 0.75), degrees)
+    yield Item(room.number, 3, "desk things", at(0.3, -0.05, 0.75), degrees)
     yield Item(room.number, 7, "cup", at(-0.5, -0.2, 0.75), degrees + 40)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What the rooms of a storey may hold, most needed things first."""
+    """What the rooms of a storey may hold."""
 
     rooms: tuple[Room, ...]
     items: tuple[Item, ...]
+    priorities: NDArray[np.int64]  # of each item; the lowest number comes first
     costs: tuple[int, ...]  # triangles of each item
 
     @classmethod
     def of(cls, stage: Stage, rooms: tuple[Room, ...]) -> Plan:
         """The plan for `rooms`; it serves any number of storeys."""
         items = tuple(item for room in rooms for item in _room_items(room))
-        return cls(rooms, items, tuple(stage.cost(item.thing) for item in items))
+        priorities = np.array([item.priority for item in items])
+        return cls(rooms, items, priorities, tuple(stage.cost(item.thing) for item in items))
 
 
 def _room_items(room: Room) -> Iterator[Item]:
@@ -104,11 +107,11 @@ def _room_items(room: Room) -> Iterator[Item]:
     yield Item(number, 0, "door leaf", hinge, (180.0 if room.hinge_east else 0.0) + swing)
     for k in range(max(1, round(width / 2.5))):
         x = room.x0 + (k + 0.5) * width / max(1, round(width / 2.5))
-        yield Item(number, 3, "ceiling lamp", (x, y(1.6), CLEAR), 90.0)
-        yield Item(number, 4, "ceiling lamp", (x, y(3.8), CLEAR), 90.0)
-        yield Item(number, 3, "radiator", (x, y(0.08), 0.0), 0.0)
-    yield Item(number, 4, "bin", (room.x0 + 0.3, y(deep - 0.2), 0.0), 0.0)
-    yield Item(number, 6, "pot plant", (room.x1 - 0.35, y(0.5), 0.0), float(room.number * 67 % 360))
+        yield Item(number, 1, "ceiling lamp", (x, y(1.6), CLEAR), 90.0)
+        yield Item(number, 2, "ceiling lamp", (x, y(3.8), CLEAR), 90.0)
+        yield Item(number, 2, "radiator", (x, y(0.08), 0.0), 0.0)
+    yield Item(number, 2, "bin", (room.x0 + 0.3, y(deep - 0.2), 0.0), 0.0)
+    yield Item(number, 5, "pot plant", (room.x1 - 0.35, y(0.5), 0.0), float(room.number * 67 % 360))
     if room.kind in ("office", "open"):
         pairs = max(1, int((width - 1.8) / 3.4))
         for k in range(pairs):
@@ -122,10 +125,24 @@ def _room_items(room: Room) -> Iterator[Item]:
         for k in range(3):
             for side in (-1.0, 1.0):
                 offset = (k - 1) * 1.1
-                at, turn = ((middle + side * 0.95, y(2.4) + offset, 0.0), 90.0 * side + 180) if width < 4.9 else ((middle + offset, y(2.4) + side * 0.95, 0.0), 0.0 if side > 0 else 180.0)
+                at, turn = (
+                    ((middle + side * 0.95, y(2.4) + offset, 0.0), 90.0 * side + 180)
+                    if width < 4.9
+                    else ((middle + offset, y(2.4) + side * 0.95, 0.0), 0.0 if side > 0 else 180.0)
+                )
                 yield Item(number, 1, "visitor chair", at, turn - 180.0 if width < 4.9 else turn)
-                yield Item(number, 7, "cup", (middle + (0.4 * side if width < 4.9 else offset), y(2.4) + (offset if width < 4.9 else 0.4 * side), 0.75), 20.0 * k)
-        yield Item(number, 3, "whiteboard", (room.x1 - 0.02, y(2.4), 0.0), -90.0)
+                yield Item(
+                    number,
+                    7,
+                    "cup",
+                    (
+                        middle + (0.4 * side if width < 4.9 else offset),
+                        y(2.4) + (offset if width < 4.9 else 0.4 * side),
+                        0.75,
+                    ),
+                    20.0 * k,
+                )
+        yield Item(number, 1, "whiteboard", (room.x1 - 0.02, y(2.4), 0.0), -90.0)
     elif room.kind == "lounge":
         for k, x in enumerate(np.arange(room.x0 + 1.3, room.x1 - 1.0, 2.4).tolist()):
             yield Item(number, 0, "sofa blue" if k % 2 else "sofa red", (x, y(0.75), 0.0), 180.0 + facing)
@@ -149,7 +166,13 @@ def _room_items(room: Room) -> Iterator[Item]:
             yield Item(number, 0, "desk", (room.x0 + 2.4, y(1.2 + 2.1 * k), 0.0), 0.0)
             for side in (-1.0, 1.0):
                 for dx in (-0.4, 0.4):
-                    yield Item(number, 1, "visitor chair", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.65 * side, 0.0), 0.0 if side > 0 else 180.0)
+                    yield Item(
+                        number,
+                        1,
+                        "visitor chair",
+                        (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.65 * side, 0.0),
+                        0.0 if side > 0 else 180.0,
+                    )
                     yield Item(number, 7, "cup", (room.x0 + 2.4 + dx, y(1.2 + 2.1 * k) + 0.2 * side, 0.75), 0.0)
     else:
         for row in range(2 if width < 5.5 else 3):
@@ -159,15 +182,17 @@ def _room_items(room: Room) -> Iterator[Item]:
                     yield Item(number, 1 + row, "shelf", (x + 0.16 * side, y(0.75 + 1.0 * k), 0.0), 90.0 * side)
     for k in range(int((deep - 0.3) / 1.02)):
         if room.kind not in ("kitchen", "bath", "bedroom"):
-            yield Item(number, 2 + k % 3, "shelf" if k < 3 else "cabinet", (room.x0 + 0.18, y(0.9 + 1.02 * k), 0.0), 90.0)
+            yield Item(
+                number, 4 + k % 3, "shelf" if k < 3 else "cabinet", (room.x0 + 0.18, y(0.9 + 1.02 * k), 0.0), 90.0
+            )
         if room.kind not in ("meeting", "bath", "bedroom") and width > 4.5:
-            yield Item(number, 3 + k % 3, "shelf", (room.x1 - 0.18, y(1.3 + 1.02 * k), 0.0), -90.0)
+            yield Item(number, 4 + k % 3, "shelf", (room.x1 - 0.18, y(1.3 + 1.02 * k), 0.0), -90.0)
 
 
 def furnish(stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, name: str) -> None:
     """Furnish the rooms up to `goal` triangles (of the scene); books fill what is left."""
     rooms, items = plan.rooms, plan.items
-    order = np.lexsort((rng.uniform(size=len(items)), [item.priority for item in items])).tolist()
+    order = np.argsort(plan.priorities + rng.uniform(size=len(items))).tolist()
     left = goal - stage.writer.triangles
     chosen: list[int] = []
     shelves: dict[int, int] = {}  # item to the variant of books on it

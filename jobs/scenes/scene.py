@@ -64,9 +64,7 @@ def _checked(kind: str, triangles: int, seed: int) -> _Kind:
     return _KINDS[kind]
 
 
-def write_scene(
-    kind: str, out: Path, triangles: int, seed: int, progress: Progress | None = None
-) -> SceneRecord:
+def write_scene(kind: str, out: Path, triangles: int, seed: int, progress: Progress | None = None) -> SceneRecord:
     """Write the demo scene `kind` (one of KINDS) as binary glTF 2.0 to `out` (a .glb): metres, y up.
 
     The same kind, triangles and seed give the same bytes. `triangles` is met within 3 %, instances counted each time.

@@ -17,6 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 
+def vec(x: float, y: float, z: float) -> Floats:
+    """A point or a direction as an array (3,)."""
+    return np.array((x, y, z), np.float64)
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Triangles with a normal at every vertex."""
@@ -32,7 +37,7 @@ class Mesh:
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
         """The mesh shifted by (x, y, z) metres."""
-        return Mesh(self.positions + (x, y, z), self.normals, self.triangles)
+        return Mesh(self.positions + vec(x, y, z), self.normals, self.triangles)
 
     def turned(self, matrix: ArrayLike) -> Mesh:
         """The mesh under a rotation `matrix` (3, 3)."""
@@ -123,7 +128,7 @@ def boxes(lo: ArrayLike, hi: ArrayLike) -> Mesh:
 
 
 def turned_boxes(centres: ArrayLike, halves: ArrayLike, axes: ArrayLike) -> Mesh:
-    """Boxes about `centres` (k, 3) with half sizes `halves` (k, 3) along the columns of `axes` (k, 3, 3), a rotation."""
+    """Boxes about `centres` (k, 3) with half sizes `halves` (k, 3) along the columns of `axes` (k, 3, 3)."""
     corners, normals, triangles = _box_pattern()
     middle = np.asarray(centres, np.float64).reshape(-1, 1, 3)
     frame = np.asarray(axes, np.float64).reshape(-1, 3, 3)
@@ -206,7 +211,7 @@ def i_profile(width: float, height: float) -> Floats:
 
 
 def frames_along(directions: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
-    """Rotations (k, 3, 3) whose third column is the unit direction (k, 3) and whose second is as near `up` as may be."""
+    """Rotations (k, 3, 3) whose third column is the unit direction (k, 3) and whose second is nearest to `up`."""
     along = np.asarray(directions, np.float64).reshape(-1, 3)
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     high = np.broadcast_to(np.asarray(up, np.float64), along.shape)
@@ -249,7 +254,12 @@ def plate(axis: str, us: ArrayLike, vs: ArrayLike, solid: ArrayLike, near: float
     filled = np.asarray(solid, bool)
     padded = np.pad(filled, 1)
     inner = padded[1:-1, 1:-1]
-    bare = [padded[2:, 1:-1], padded[:-2, 1:-1], padded[1:-1, 2:], padded[1:-1, :-2]]  # the neighbours to +u, -u, +v, -v
+    bare = [
+        padded[2:, 1:-1],
+        padded[:-2, 1:-1],
+        padded[1:-1, 2:],
+        padded[1:-1, :-2],
+    ]  # the neighbours to +u, -u, +v, -v
     faces = np.stack([inner, inner, *(inner & ~beside for beside in bare)])
     kind, i, j = np.nonzero(faces)
     corners, normals = _PLATE_CORNERS[kind], _PLATE_NORMALS[kind]
@@ -280,7 +290,7 @@ def openings(
 # -------------------------------------------------------------------------------------- bodies of revolution
 
 
-def lathe(profile: ArrayLike, sectors: int, crease: float = 40.0) -> Mesh:
+def lathe(profile: Floats | Sequence[Sequence[float]], sectors: int, crease: float = 40.0) -> Mesh:
     """The body made by turning `profile` (p, 2), radius and height from bottom to top, about the z axis.
 
     The profile starts and ends on the axis (radius 0) or is a closed ring (first point repeated at the end, wound
@@ -320,12 +330,14 @@ def _quads(rings: NDArray[np.int64], sectors: int) -> NDArray[np.int64]:
 
 
 def cylinders(starts: ArrayLike, ends: ArrayLike, radii: ArrayLike, sides: int) -> Mesh:
-    """Straight round bars from `starts` to `ends` (k, 3) of `radii` (k,), smooth with flat ends: 4 sides - 4 triangles."""
+    """Straight round bars from `starts` to `ends` (k, 3) of `radii` (k,): 4 sides - 4 triangles each."""
     first, last = np.asarray(starts, np.float64).reshape(-1, 3), np.asarray(ends, np.float64).reshape(-1, 3)
     return tubes(np.stack([first, last], axis=1), np.broadcast_to(radii, (len(first),)), 0.0, sides, 1)
 
 
-def tubes(routes: ArrayLike, radii: ArrayLike, bend: float, sides: int, bend_steps: int) -> Mesh:
+def tubes(
+    routes: Floats | Sequence[Sequence[Sequence[float]]], radii: ArrayLike, bend: float, sides: int, bend_steps: int
+) -> Mesh:
     """Round pipes along `routes` (k, p, 3), rounded at inner points, smooth, with flat ends.
 
     The bends' radius is `bend` times the pipe's radius; the legs must be long enough for them.
@@ -410,7 +422,11 @@ def _icosphere(subdivisions: int) -> tuple[Floats, NDArray[np.uint32]]:
     gaps = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
     near = (gaps > 0.1) & (gaps < 1.1)
     found = [
-        (a, b, c) for a in range(12) for b in range(a + 1, 12) for c in range(b + 1, 12) if near[a, b] & near[b, c] & near[a, c]
+        (a, b, c)
+        for a in range(12)
+        for b in range(a + 1, 12)
+        for c in range(b + 1, 12)
+        if near[a, b] & near[b, c] & near[a, c]
     ]
     triangles = np.array(found)
     p, q, r = (vertices[triangles[:, k]] for k in range(3))
@@ -439,3 +455,9 @@ def blob(radii: ArrayLike, roughness: float, subdivisions: int, rng: np.random.G
         np.add.at(normals, triangles[:, k], area)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Mesh(positions, normals, triangles)
+
+
+def sphere(radius: float, subdivisions: int) -> Mesh:
+    """A sphere of 20 * 4^subdivisions triangles, smooth."""
+    points, triangles = _icosphere(subdivisions)
+    return Mesh(points * radius, points, triangles)

@@ -12,7 +12,6 @@ import numpy as np
 from jobs.visibility import back_faces, item_buffer, occludees, occluders
 from jobs.visibility.soup import Soup
 
-
 #: The corners of the cell, those of a tetrahedron first.
 PROOF_CORNERS = (
     (-1.0, -1.0, -1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0), (-1.0, 1.0, 1.0),
@@ -71,12 +70,18 @@ class Engine:
                 reaching.append(d)
         return soup.drawables[np.array(reaching, np.int64)]
 
-    def visible_from(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> CellVisibility:
+    def visible_from(
+        self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray, most_triangles: int | None = None
+    ) -> CellVisibility | None:
         """What of a cut may be seen from anywhere in a cell.
 
         Args:
             lo, hi: (3,) float64 the cell in grid units, lo < hi.
             cut: (c,) sorted int64 ids, all in the soup.
+            most_triangles: give up as soon as more triangles than this are reported: the cell will be split.
+
+        Returns:
+            None where it gave up.
         """
         soup = self.soup
         places = soup.places(cut)
@@ -107,13 +112,17 @@ class Engine:
         self._depth.fill(np.inf)
         occluders.cover(
             self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
-            soup.cluster_start, order, cluster_lo, cluster_hi, bands, self.settings.largest_flooded_set, self._depth,
+            soup.cluster_start, order, cluster_lo, cluster_hi,
+            soup.cluster_breadth / half.min(), bands, self.settings.largest_flooded_set, self._depth,
         )  # fmt: skip
         seen = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
             cluster_lo, cluster_hi, drawable_lo, drawable_hi, bands, self._depth,
+            soup.triangle_counts, -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
         visible = places[seen]
+        if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
+            return None
         proven = np.zeros(0, np.int64)
         if self.settings.proof_resolution:
             proven = self._prove(visible)

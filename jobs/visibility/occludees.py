@@ -126,6 +126,8 @@ def find_visible(
     drawable_hi: np.ndarray,
     bands: np.ndarray,
     depth: np.ndarray,
+    counts: np.ndarray,
+    most_triangles: int,
 ) -> np.ndarray:
     """Which drawables may be seen from the cell: by boxes, then clusters' boxes, then triangles.
 
@@ -135,12 +137,18 @@ def find_visible(
         drawable_clusters: (all + 1,) int32 offsets into the clusters; cluster_start: (k + 1,) int32.
         cluster_lo, cluster_hi: (k, 3), drawable_lo, drawable_hi: (all, 3) float64 boxes in cell coordinates.
 
+        counts: (all,) int64 triangles of the drawables; most_triangles: stop once more than this are visible, the
+            rest of the answer is then not to be used; -1: never stop.
+
     Returns:
         (d,) bool. A triangle of a one-sided drawable counts only where its front can be seen.
     """
     polygon = np.empty((4, 2), np.float64)
     visible = np.zeros(drawables.shape[0], np.bool_)
+    total = 0
     for k in range(drawables.shape[0]):
+        if 0 <= most_triangles < total:
+            break
         d = drawables[k]
         if drawable_clusters[d] == drawable_clusters[d + 1]:
             continue
@@ -159,6 +167,7 @@ def find_visible(
                     visible[k] = True
                     break
             if visible[k]:
+                total += counts[d]
                 break
     return visible
 

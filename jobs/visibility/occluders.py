@@ -110,6 +110,7 @@ def cover(
     cluster_order: np.ndarray,
     cluster_lo: np.ndarray,
     cluster_hi: np.ndarray,
+    cluster_breadth: np.ndarray,
     bands: np.ndarray,
     largest_set: int,
     depth: np.ndarray,
@@ -124,6 +125,8 @@ def cover(
         cluster_start: (k + 1,) int32: cluster c holds triangles cluster_start[c] ... cluster_start[c + 1] - 1.
         cluster_order: (a,) int64 the clusters to use as cores, nearest first.
         cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates.
+        cluster_breadth: (k,) float64 in cell coordinates, see `soup`: clusters of sheets that inflated silhouettes
+            would swallow whole are not tried.
         bands: (b,) float64 increasing depths, the last one infinite.
         largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
         depth: (6, b, r, r) float32, filled with inf before; receives the depths behind which all is hidden.
@@ -152,6 +155,8 @@ def cover(
     flooded = 0
     pixels = 0
     for c in cluster_order:
+        if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c], bands):
+            continue
         if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, True):
             continue
         for seed in range(cluster_start[c], cluster_start[c + 1]):
@@ -181,11 +186,14 @@ def cover(
                             n_core += 1
             for face in range(6):
                 u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
+                core_near = np.inf
                 for k in range(n_core):
                     t = core[k]
-                    n, _, _ = clip_triangle(
+                    n, near, _ = clip_triangle(
                         q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution, polygon
                     )
+                    if n:
+                        core_near = min(core_near, near)
                     for i in range(n):
                         u0 = min(u0, polygon[i, 0])
                         u1 = max(u1, polygon[i, 0])
@@ -209,9 +217,14 @@ def cover(
                         n_flood += 1
                 n_unsafe = 0
                 n_drawn = 0
+                # what lies behind the core is deeper than it: bands that end before are of no use
+                first_band = 0
+                while bands[first_band] <= core_near:
+                    first_band += 1
+                swallowed = False
                 window_u0, window_u1, window_v0, window_v1 = float(i0), i1 + 1.0, float(j0), j1 + 1.0
                 head = 0
-                while head < n_flood:
+                while head < n_flood and not swallowed:
                     t = flood[head]
                     head += 1
                     ahead = True
@@ -278,8 +291,15 @@ def cover(
                             unsafe[n_unsafe, 0] = a
                             unsafe[n_unsafe, 1] = b
                             n_unsafe += 1
+                            n_sweeps = inflate_edge(q, a, b, face, resolution, bands[first_band], sweep)
+                            for k in range(2 * n_sweeps):
+                                s = sweep[k >> 1, 4 * (k & 1) : 4 * (k & 1) + 4]
+                                if s[0] <= i0 and s[1] >= i1 + 1 and s[2] <= j0 and s[3] >= j1 + 1:
+                                    swallowed = True
                 flooded += n_flood
                 cores += 1
+                if swallowed:
+                    continue
                 # the depth band from which on a pixel is unsafe
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
@@ -287,11 +307,13 @@ def cover(
                         local[j, i] = 0.0
                         inside[j, i] = False
                 for k in range(n_unsafe):
-                    _limit_by_edge(q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, i0, i1, j0, j1, sweep, limit)
+                    _limit_by_edge(
+                        q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band, i0, i1, j0, j1, sweep, limit
+                    )
                 alive = False
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
-                        if limit[j, i] > 0:
+                        if limit[j, i] > first_band:
                             alive = True
                             break
                     if alive:
@@ -306,10 +328,10 @@ def cover(
                     )  # fmt: skip
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
-                        if inside[j, i] and limit[j, i] > 0:
-                            z = np.float32(local[j, i] * DEPTH_UP)
+                        if inside[j, i] and limit[j, i] > first_band:
+                            stored = np.float32(local[j, i] * DEPTH_UP)
                             pixels += 1
-                            for b in range(limit[j, i]):
+                            for b in range(first_band, limit[j, i]):
                                 depth[face, b, j, i] = min(depth[face, b, j, i], z)
     return cores, flooded, pixels
 
@@ -322,6 +344,7 @@ def _limit_by_edge(
     face: int,
     resolution: int,
     bands: np.ndarray,
+    first_band: int,
     i0: int,
     i1: int,
     j0: int,
@@ -329,8 +352,8 @@ def _limit_by_edge(
     sweep: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band whose inflation of edge a-b touches the pixel."""
-    for band in range(bands.shape[0] - 1, -1, -1):
+    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band >= first_band whose inflated edge touches the pixel."""
+    for band in range(bands.shape[0] - 1, first_band - 1, -1):
         touched = False
         n_sweeps = inflate_edge(q, a, b, face, resolution, bands[band], sweep)
         for k in range(n_sweeps):
@@ -405,3 +428,17 @@ def _draw_triangle(
             local[j, i] = max(local[j, i], z)
             if middle_left <= i + 0.5 <= middle_right:
                 inside[j, i] = True
+
+
+@njit(cache=True, nogil=True)
+def _least_inflation(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray) -> float:
+    """The least alpha (see `cube_faces`) of any band that reaches behind a box; depths by the largest coordinate."""
+    near, far = 0.0, 0.0
+    for k in range(3):
+        near = max(near, lo[k], -hi[k])
+        far = max(far, abs(lo[k]), abs(hi[k]))
+    least = 1.0
+    for band in range(bands.shape[0] - 2, -1, -1):
+        if bands[band] > near:
+            least = max(min((bands[band] - far) / (bands[band] - 1.0), 1.0), 0.0)
+    return least

@@ -38,6 +38,7 @@ class Soup:
     cluster_drawable: np.ndarray  # (k,) int32
     cluster_lo: np.ndarray  # (k, 3) float64
     cluster_hi: np.ndarray  # (k, 3) float64
+    cluster_breadth: np.ndarray  # (k,) float64 how broad an image the sheet that the cluster belongs to can have
 
     def places(self, ids: np.ndarray) -> np.ndarray:
         """Positions in `drawables` of the given ids, all of which must be there."""
@@ -102,8 +103,12 @@ def build_soup(
         high = vertices[welded].max(axis=1)
         cluster_lo = np.minimum.reduceat(low, offsets[:-1], axis=0).astype(np.float64)
         cluster_hi = np.maximum.reduceat(high, offsets[:-1], axis=0).astype(np.float64)
+        cluster_breadth = _breadths(topology.sheets(triangle_edges, start, uses.astype(np.int32)), low, high)[
+            offsets[:-1]
+        ]
     else:
         cluster_lo = cluster_hi = np.zeros((0, 3))
+        cluster_breadth = np.zeros(0)
     drawable_clusters = np.searchsorted(cluster_drawable, np.arange(len(ids) + 1)).astype(np.int32)
     drawable_lo = np.full((len(ids), 3), 1.0)
     drawable_hi = np.full((len(ids), 3), -1.0)
@@ -130,4 +135,19 @@ def build_soup(
         cluster_drawable=cluster_drawable,
         cluster_lo=cluster_lo,
         cluster_hi=cluster_hi,
+        cluster_breadth=cluster_breadth,
     )
+
+
+def _breadths(sheet: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(m,) float64: for each triangle, the diagonal of the two lesser extents of its whole sheet's box.
+
+    Seen from anywhere, a sheet's image is at most about this broad in its narrowest direction.
+    """
+    order = np.argsort(sheet, kind="stable")
+    begins = np.flatnonzero(np.diff(sheet[order], prepend=-1))
+    lo = np.minimum.reduceat(low[order], begins, axis=0).astype(np.float64)
+    hi = np.maximum.reduceat(high[order], begins, axis=0).astype(np.float64)
+    extent = np.sort(hi - lo, axis=1)
+    breadth: np.ndarray = np.hypot(extent[:, 0], extent[:, 1])[sheet]
+    return breadth

@@ -1,4 +1,4 @@
-"""Welding by position, edges with their triangles, and clusters of neighbouring triangles.
+"""Welding by position, edges with their triangles, clusters of neighbouring triangles, and sheets.
 
 Kernels on plain arrays. All orders depend on the input's order alone, so results are the same on every machine.
 """
@@ -165,3 +165,38 @@ def clusters(
                         placed += 1
     offsets[k] = placed
     return order, offsets[: k + 1].copy()
+
+
+@njit(cache=True, nogil=True)
+def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray) -> np.ndarray:
+    """Number what hangs together by edges, whatever drawables it belongs to.
+
+    Args:
+        triangle_edges, start, uses: from `edges`.
+
+    Returns:
+        (m,) int32 the sheet of each triangle, numbered by first occurrence.
+    """
+    m = triangle_edges.shape[0]
+    sheet = np.full(m, -1, np.int32)
+    stack = np.empty(m, np.int32)
+    count = 0
+    for seed in range(m):
+        if sheet[seed] >= 0:
+            continue
+        sheet[seed] = count
+        stack[0] = seed
+        waiting = 1
+        while waiting:
+            waiting -= 1
+            t = stack[waiting]
+            for i in range(3):
+                e = triangle_edges[t, i]
+                for j in range(start[e], start[e + 1]):
+                    other = uses[j] >> 1
+                    if sheet[other] < 0:
+                        sheet[other] = count
+                        stack[waiting] = other
+                        waiting += 1
+        count += 1
+    return sheet

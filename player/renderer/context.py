@@ -1,8 +1,8 @@
 """OpenGL contexts: one without a window (EGL), and what a context can do.
 
-moderngl has no call for a depth range of 0 to 1 nor for floating-point depth buffers. Both are needed for reversed depth,
-so the three entry points concerned are looked up from the context's own loader. Where that is not possible (OpenGL
-before 4.5 without ARB_clip_control, macOS), depth is the usual one with a near plane chosen for the model.
+moderngl has no call for a depth range of 0 to 1 nor for floating-point depth buffers. Both are needed for reversed
+depth, so the three entry points concerned are looked up from the context's own loader. Where that is not possible
+(OpenGL before 4.5 without ARB_clip_control, macOS), depth is the usual one with a near plane chosen for the model.
 """
 
 from __future__ import annotations
@@ -100,9 +100,12 @@ def headless_context() -> moderngl.Context:
     """A new OpenGL 3.3 or newer context without a window, through EGL. Raises GraphicsError with the cure."""
     cure = "install Mesa's software driver (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri) and try again"
     try:
-        return moderngl.create_standalone_context(backend="egl", require=330)
+        settings: dict[str, Any] = {"backend": "egl", "require": 330}
+        return moderngl.create_standalone_context(**settings)
     except ImportError as error:
-        raise MissingDependencyError(f"drawing without a window needs glcontext's EGL backend ({error}): {cure}") from None
+        raise MissingDependencyError(
+            f"drawing without a window needs glcontext's EGL backend ({error}): {cure}"
+        ) from None
     except Exception as error:  # moderngl and glcontext raise plain Exception
         raise GraphicsError(f"no OpenGL 3.3 context without a window ({_one_line(error)}): {cure}") from None
 

@@ -6,6 +6,7 @@ Pure array functions; nothing here touches OpenGL.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ def build(
     edges = np.flatnonzero(np.diff(batch_of_command, prepend=-1, append=-1))
     batches = tuple(
         Batch(int(batch_of_command[a] // 3), int(batch_of_command[a] % 3), int(a), int(b - a))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in pairwise(edges)
     )
     return DrawList(commands, tables.record[ordered], batches, int(tables.triangles[ids].sum()), len(ids))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -82,10 +83,10 @@ class Renderer:
         camera[:3, :3] = view.rotation.T * self._step
         camera[3, 3] = 1
         clip = view.projection(self.able.reversed_depth) @ camera
-        program["u_clip"].write(clip.T.astype(np.float32).tobytes())
+        _write(program, "u_clip", clip.T.astype(np.float32).tobytes())
         whole, rest = instances.split(view.position, self._step)
-        program["u_eye_whole"].write(whole.tobytes())
-        program["u_eye_rest"].write(rest.tobytes())
+        _write(program, "u_eye_whole", whole.tobytes())
+        _write(program, "u_eye_rest", rest.tobytes())
         self._records.use(0)
         calls = self._drawer.draw(draws)
         context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
@@ -104,5 +105,10 @@ class Renderer:
         half = math.tan(math.radians(view.field_of_view) / 2)
         right, up, back = view.rotation.T
         rays = np.stack([right * half * view.width / view.height, up * half, -back])
-        self._sky["u_rays"].write(rays.astype(np.float32).tobytes())  # one column of the matrix after the other
+        _write(self._sky, "u_rays", rays.astype(np.float32).tobytes())  # one column of the matrix after the other
         self._sky_array.render(moderngl.TRIANGLES, vertices=3)
+
+
+def _write(program: moderngl.Program, uniform: str, data: bytes) -> None:
+    member: Any = program[uniform]
+    member.write(data)

@@ -99,6 +99,7 @@ void main() {
     vec3 light = ambient + vec3(0.36, 0.335, 0.30) * lamp + vec3(0.25) * head;
     vec3 shine = vec3(0.03) * pow(head, 32.0);
     vec3 colour = albedo * light + shine;
+    colour = 1.4 * colour / (1.0 + 0.4 * colour);  // lifts what is dark, keeps what is white below white
     colour = mix(u_horizon, colour, exp(-u_fog * length(v_relative)));
     f_colour = vec4(sqrt(clamp(colour, 0.0, 1.0)), 1.0);
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
@@ -126,7 +126,7 @@ class SingleDraws:
             self._calls = list(_calls(draws))
             self._written = draws
         self._order.use(1)
-        first_record: moderngl.Uniform = self.program["u_first"]
+        first_record: Any = self.program["u_first"]
         for slab, side, first, indices, instances, base in self._calls:
             _set_culling(self._context, side)
             first_record.value = base
@@ -179,7 +179,14 @@ def _calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:
                 calls += [(batch.slab, batch.side, int(a), int(n), 1, base) for a, n in merged_runs(some)]
             else:
                 calls += [
-                    (batch.slab, batch.side, int(c["first_index"]), int(c["indices"]), int(c["instances"]), int(c["base_instance"]))
+                    (
+                        batch.slab,
+                        batch.side,
+                        int(c["first_index"]),
+                        int(c["indices"]),
+                        int(c["instances"]),
+                        int(c["base_instance"]),
+                    )
                     for c in some
                 ]
     return calls

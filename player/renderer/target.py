@@ -15,27 +15,22 @@ from player.view import View
 class Target:
     """A framebuffer of `size` pixels, with `samples` per pixel (0: one, no multisampling)."""
 
-    def __init__(
-        self, context: moderngl.Context, size: tuple[int, int], *, samples: int, reversed_depth: bool
-    ) -> None:
+    def __init__(self, context: moderngl.Context, size: tuple[int, int], *, samples: int, reversed_depth: bool) -> None:
         self.size = size
         self._context = context
         self._colour = context.renderbuffer(size, 4, samples=samples)
         self._depth = depth_buffer(context, size, samples=samples, reversed_depth=reversed_depth)
         self.framebuffer = context.framebuffer([self._colour], self._depth)
-        self._resolved_colour: moderngl.Renderbuffer | None = None
-        self.resolved = self.framebuffer
-        if samples:
-            self._resolved_colour = context.renderbuffer(size, 4)
-            self.resolved = context.framebuffer([self._resolved_colour])
+        self._resolved_colour = context.renderbuffer(size, 4) if samples else self._colour
+        self.resolved = context.framebuffer([self._resolved_colour])  # without depth: that cannot be copied to a window
 
     def resolve(self) -> None:
         """Makes `resolved` hold the finished picture."""
-        if self.resolved is not self.framebuffer:
+        if self._resolved_colour is not self._colour:
             self._context.copy_framebuffer(self.resolved, self.framebuffer)
 
     def read(self) -> NDArray[np.uint8]:
-        """The picture (height, width, 4), first row on top; alpha is 255 where a surface was drawn, 0 where none was."""
+        """The picture (height, width, 4), first row on top; alpha is 255 where a surface was drawn, 0 elsewhere."""
         data = self.resolved.read(components=4, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(self.size[1], self.size[0], 4)[::-1].copy()
 
@@ -53,9 +48,9 @@ class Target:
     def release(self) -> None:
         """Frees the buffers."""
         self._context.detect_framebuffer(0).use()  # a framebuffer that is bound must not be deleted
-        if self._resolved_colour is not None:
-            self.resolved.release()
-            self._resolved_colour.release()
+        self.resolved.release()
         self.framebuffer.release()
+        if self._resolved_colour is not self._colour:
+            self._resolved_colour.release()
         self._colour.release()
         self._depth.release()

@@ -73,7 +73,7 @@ class TextOverlay:
     ) -> None:
         """Draws rows of one or two columns on a panel.
 
-        size: of the framebuffer in pixels; corner: "top left" or "bottom left".
+        size: of the framebuffer in pixels; corner: such as "top left" or "bottom right".
         """
         if not rows:
             return
@@ -98,9 +98,7 @@ class TextOverlay:
             item.release()
 
 
-def layout(
-    atlas: Atlas, rows: Sequence[Sequence[str]], size: tuple[int, int], corner: str
-) -> NDArray[np.float32]:
+def layout(atlas: Atlas, rows: Sequence[Sequence[str]], size: tuple[int, int], corner: str) -> NDArray[np.float32]:
     """Vertices (n, 8) float32 of a panel: x, y in pixels from the top left, texture x, y, colour; six a rectangle."""
     margin = 10.0
     gap = 14.0
@@ -108,8 +106,8 @@ def layout(
     second = max((atlas.width(row[1]) for row in rows if len(row) > 1), default=0.0)
     width = first + (gap + second if second else 0) + 2 * margin
     height = len(rows) * atlas.line + 2 * margin
-    left = 12.0
-    top = 12.0 if corner == "top left" else size[1] - height - 12.0
+    left = 12.0 if corner.endswith("left") else size[0] - width - 12.0
+    top = 12.0 if corner.startswith("top") else size[1] - height - 12.0
     rectangles = [_rectangle(atlas, _SOLID, left, top, width, height, _PANEL)]
     for number, row in enumerate(rows):
         for column, text in enumerate(row):

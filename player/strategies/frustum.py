@@ -49,4 +49,6 @@ class Frustum:
 
     def _cut(self, eye: Vector, which: NDArray[np.bool_]) -> NDArray[np.int64]:
         store = self._scene.store
-        return choose_levels(store.nodes[which], store.drawables, eye, eye, store.manifest.pixel_angle, self.pixel_error)
+        return choose_levels(
+            store.nodes[which], store.drawables, eye, eye, store.manifest.pixel_angle, self.pixel_error
+        )

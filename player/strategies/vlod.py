@@ -1,9 +1,10 @@
 """The precomputed strategy: the vLOD of the cell that holds the eye, tested against the frustum.
 
-The list of a cell is made once, when the eye enters it. Outside the computed cells, and until a cell's list has arrived,
-the frustum strategy answers instead: there is always a picture.
+The list of a cell is made once, when the eye enters it. Outside the computed cells, and until a cell's list has
+arrived, the frustum strategy answers instead: there is always a picture.
 
-Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6.
+Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
+section 6.
 """
 
 from __future__ import annotations

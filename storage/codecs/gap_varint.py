@@ -1,7 +1,7 @@
 """Gaps between ids as variable-length integers, compressed with zstd.
 
-A block is the lists' lengths, then all lists' ids; each list's first id stands for itself, each further one for its gap to
-the one before, less one. Numbers are LEB128: seven bits a byte, low ones first.
+A block is the lists' lengths, then all lists' ids; each list's first id stands for itself, each further one for its
+gap to the one before, less one. Numbers are LEB128: seven bits a byte, low ones first.
 Based on: Witten, Moffat, Bell, Managing Gigabytes, 2nd edition, 1999, section 3.3 (gaps of inverted lists).
 """
 

@@ -98,13 +98,13 @@ def test_vertices_that_agree_become_one() -> None:
 
 
 def test_boxes_take_few_bytes() -> None:
-    """A regular closed surface: far below the 36 bytes a triangle of its plain arrays."""
+    """A regular closed surface: below one byte a triangle, where its plain arrays have 23."""
     part = box_part("box", (0, 0, 0), (1, 2, 3), segments=(24,))
     positions, triangles = part.levels[0]
     integers = np.rint(positions * 2**20).astype(np.int32)
     colours = np.tile(np.array(part.colour, np.uint8), (len(positions), 1))
     mesh = ordered(MeshArrays(integers, triangles, part.normals[0].astype(np.float32), colours, None, 2.0**-20))
-    assert len(pack([mesh])) < 0.6 * len(triangles)
+    assert len(pack([mesh])) < len(triangles)
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:

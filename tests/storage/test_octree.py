@@ -68,7 +68,7 @@ def test_points_are_found_in_the_cell_whose_box_holds_them(keys: np.ndarray, see
     lo, hi = tree.boxes(keys)
     corners = np.concatenate([lo, hi, lo + (hi - lo) * random.random(lo.shape)])
     points = np.concatenate([corners, tree.lo + tree.size * random.uniform(-0.1, 1.1, (20, 3))])
-    root_lo, root_hi = tree.box(1)
+    root_hi = tree.box(1)[1]
     inside = (points[:, None] >= lo) & ((points[:, None] < hi) | ((hi == root_hi) & (points[:, None] == root_hi)))
     expected = np.where(inside.all(axis=2).any(axis=1), inside.all(axis=2).argmax(axis=1), -1)
     assert np.array_equal(tree.locate(points, LeafSet(keys)), expected)

@@ -2,8 +2,8 @@
 
     store = make_store(tmp_path / "store", room_parts(), depth=2)
 
-`make_store` writes through storage.writer like a build does. By default each cell's vLOD is its whole cut; pass `visible` to
-say otherwise.
+`make_store` writes through storage.writer like a build does. By default each cell's vLOD is its whole cut; pass
+`visible` to say otherwise.
 """
 
 from __future__ import annotations
@@ -166,9 +166,9 @@ def make_store(
 ) -> Store:
     """Writes a store to `root` and opens it.
 
-    depth: all cells of the octree at that depth, in Morton order; keys: these cells instead (a leaf set in Morton order);
-    visible(geometry, cell, cut): the vLOD of a CELL row, sorted ids out of its cut; uncomputed: numbers of cells that are
-    listed but were not computed; cells_per_shard: cells in each cell shard.
+    depth: all cells of the octree at that depth, in Morton order; keys: these cells instead (a leaf set in Morton
+    order); visible(geometry, cell, cut): the vLOD of a CELL row, sorted ids out of its cut; uncomputed: numbers of
+    cells that are listed but were not computed; cells_per_shard: cells in each cell shard.
     """
     section, octree, model = make_geometry(root, parts)
     angle = pixel_angle(screen_height, field_of_view)

@@ -67,5 +67,7 @@ def rooms(rng: np.random.Generator, per_side: int, size: int = 4000, wall: int =
     for _ in range(6 * per_side * per_side):
         at = rng.integers(200, span - 600, 2)
         extent = rng.integers(50, 400, 3)
-        meshes.append(box((int(at[0]), int(at[1]), 0), (int(at[0] + extent[0]), int(at[1] + extent[1]), int(extent[2]))))
+        meshes.append(
+            box((int(at[0]), int(at[1]), 0), (int(at[0] + extent[0]), int(at[1] + extent[1]), int(extent[2])))
+        )
     return meshes

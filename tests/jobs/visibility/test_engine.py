@@ -17,7 +17,14 @@ QUICK = EngineSettings(resolution=64, depth_bands=6, proof_resolution=32)
 
 
 def look(soup: Soup, lo: list[float], hi: list[float], quality: EngineSettings = QUICK) -> CellVisibility:
-    return Engine(soup, quality).visible_from(np.array(lo, float), np.array(hi, float), soup.drawables)
+    return see(Engine(soup, quality), np.array(lo, float), np.array(hi, float), soup.drawables)
+
+
+def see(engine: Engine, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> CellVisibility:
+    """The engine's answer where it is not allowed to give up."""
+    found = engine.visible_from(lo, hi, cut)
+    assert found is not None
+    return found
 
 
 def accuse(soup: Soup, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, rays: int, seed: int) -> list[object]:
@@ -86,26 +93,34 @@ def test_an_empty_cut_and_a_drawable_without_triangles() -> None:
     soup = soup_of([empty, box((100, 0, 0), (110, 10, 10))])
     assert look(soup, [-5, -5, -5], [5, 5, 5]).visible.tolist() == [1]
     engine = Engine(soup, QUICK)
-    assert engine.visible_from(np.full(3, -5.0), np.full(3, 5.0), np.zeros(0, np.int64)).visible.tolist() == []
+    assert see(engine, np.full(3, -5.0), np.full(3, 5.0), np.zeros(0, np.int64)).visible.tolist() == []
 
 
 def test_only_the_cut_counts() -> None:
     soup = soup_of([sheet((1000, -4000, -4000), (1000, 4000, 4000), 2), box((2000, -90, -90), (2100, 90, 90))])
     engine = Engine(soup, QUICK)
     lo, hi = np.full(3, -50.0), np.full(3, 50.0)
-    assert engine.visible_from(lo, hi, np.array([1])).visible.tolist() == [1]
-    assert engine.visible_from(lo, hi, np.array([0, 1])).visible.tolist() == [0]
+    assert see(engine, lo, hi, np.array([1])).visible.tolist() == [1]
+    assert see(engine, lo, hi, np.array([0, 1])).visible.tolist() == [0]
     with pytest.raises(ValueError, match="does not hold"):
         engine.visible_from(lo, hi, np.array([0, 7]))
+
+
+def test_it_gives_up_where_the_cell_will_be_split_anyway() -> None:
+    soup = soup_of([box((100 * k, 200, 0), (100 * k + 50, 250, 50)) for k in range(10)])
+    engine = Engine(soup, QUICK)
+    lo, hi = np.full(3, -50.0), np.full(3, 50.0)
+    assert engine.visible_from(lo, hi, soup.drawables, 40) is None
+    assert engine.visible_from(lo, hi, soup.drawables, 120) is not None
 
 
 def test_the_same_cell_twice_gives_the_same_answer() -> None:
     soup = soup_of(rooms(np.random.default_rng(3), 3))
     lo, hi = np.array([5000.0, 5000, 1000]), np.array([5500.0, 5500, 1500])
     engine = Engine(soup, QUICK)
-    first = engine.visible_from(lo, hi, soup.drawables)
+    first = see(engine, lo, hi, soup.drawables)
     engine.visible_from(lo + 3000, hi + 3000, soup.drawables)
-    second = engine.visible_from(lo, hi, soup.drawables)
+    second = see(engine, lo, hi, soup.drawables)
     assert np.array_equal(first.visible, second.visible)
     assert np.array_equal(first.proven, second.proven)
 

@@ -1,0 +1,35 @@
+"""Vertices for formats that give corners of faces properties of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jobs.importing.repair import first_equal
+from jobs.importing.scene import SourceMesh
+
+
+def unify(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners with equal keys become one vertex.
+
+    `keys` (c, k) of 8-byte items. Returns the corner that each vertex is made of (n,), and each corner's vertex (c,);
+    both int64. Vertices are in the order of their first corner.
+    """
+    first = first_equal(np.ascontiguousarray(keys))
+    kept = np.flatnonzero(first == np.arange(len(first)))
+    number = np.empty(len(first), np.int64)
+    number[kept] = np.arange(len(kept))
+    return kept, number[first]
+
+
+def split_by_face(mesh: SourceMesh, colours: np.ndarray) -> None:
+    """Give a mesh its triangles' colours (m, 4) uint8, with vertices split where they meet."""
+    flat = mesh.triangles.reshape(-1)
+    valid = (flat >= 0) & (flat < len(mesh.positions))
+    packed = np.ascontiguousarray(np.repeat(colours, 3, axis=0)).view(np.uint32)[:, 0]
+    kept, vertex = unify(np.stack([np.where(valid, flat, -1), packed.astype(np.int64)], axis=1))
+    source = np.where(valid, flat, 0)[kept]
+    mesh.positions = mesh.positions[source] if len(mesh.positions) else np.zeros((len(kept), 3))
+    if mesh.normals is not None:
+        mesh.normals = mesh.normals[source]
+    mesh.colours = np.ascontiguousarray(packed[kept, None]).view(np.uint8)
+    mesh.triangles = np.where(valid, vertex, -1).reshape(-1, 3)

@@ -1,0 +1,449 @@
+"""Reader of COLLADA files (.dae).
+
+A part is a geometry placed by a node; a geometry that is placed several times with the same materials is one mesh with
+several placements. The primitives of a geometry are concatenated in the file's order, their polygons split into fans of
+triangles from the first corner: face numbers count those triangles. Skins and animations are left at rest.
+
+Read here and not by trimesh or pycollada, which hold positions and matrices in float32, replace NaN by 0, refuse a
+whole geometry for one index out of range, and copy instances.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from jobs.importing.colours import DEFAULT_COLOUR, Texture, tint, to_colours
+from jobs.importing.corners import unify
+from jobs.importing.numbers import floats_of
+from jobs.importing.resources import Resources
+from jobs.importing.saved import IDENTITY
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose, fan
+from storage.errors import ModelError
+
+Element = ElementTree.Element
+
+#: Nodes within nodes that are followed, and placements in all: files that instance themselves stop here.
+_DEEPEST = 200
+_MOST_NODES = 5_000_000
+
+_POLYGONS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
+_NOT_TRIANGLES = ("lines", "linestrips", "points")
+_SHADERS = ("lambert", "phong", "blinn", "constant")
+
+
+def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+    """Read a COLLADA file. Raises ModelError, or what the XML parser raises on damaged content."""
+    if b"<!ENTITY" in content:
+        raise ModelError(f"{file}: declares XML entities, which no COLLADA file needs; export the model again")
+    document = _Document(file, _parse(file, content), resources)
+    meshes, nodes = document.placements()
+    unit, up = document.frame()
+    return SourceScene(file, meshes, nodes, unit, up, "y", document.tally)
+
+
+def _parse(file: Path, content: bytes) -> Element:
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        raise ModelError(
+            f"{file}: not whole as XML ({error}); the file is damaged or cut short, export it again"
+        ) from None
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]
+    if root.tag != "COLLADA":
+        raise ModelError(f"{file}: XML, but not COLLADA (its root is {root.tag[:40]!r}); check its extension")
+    return root
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """A material."""
+
+    colour: np.ndarray  # (4,) uint8
+    texture: Texture | None
+    missing: bool  # a texture is named but not there
+
+
+@dataclass(frozen=True, eq=False)
+class _Input:
+    """Where a primitive's numbers point."""
+
+    semantic: str
+    offset: int
+    set: int
+    values: np.ndarray  # (n, width)
+
+
+@dataclass(eq=False)
+class _Document:
+    file: Path
+    root: Element
+    resources: Resources
+    tally: Tally = field(default_factory=Tally)
+
+    def __post_init__(self) -> None:
+        self._ids = {element.get("id", ""): element for element in self.root.iter() if element.get("id")}
+        self._sources: dict[str, np.ndarray] = {}
+        self._surfaces: dict[str, _Surface | None] = {}
+        self._textures: dict[str, Texture | None] = {}
+
+    def frame(self) -> tuple[float, str]:
+        """Metres per unit and up axis; COLLADA's own defaults are metres and y."""
+        unit, up = 1.0, "y"
+        asset = self.root.find("asset")
+        if asset is not None:
+            element = asset.find("unit")
+            value = floats_of(element.get("meter", "1")) if element is not None else np.ones(1)
+            if len(value) == 1 and np.isfinite(value[0]) and value[0] > 0:
+                unit = float(value[0])
+            up = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}.get((asset.findtext("up_axis") or "").strip(), "y")
+        return unit, up
+
+    def placements(self) -> tuple[list[SourceMesh], list[SourceNode]]:
+        """All meshes, and their placements in the scene, depth first."""
+        meshes: list[SourceMesh] = []
+        known: dict[tuple[str, tuple[tuple[str, str], ...]], int | None] = {}
+        nodes = []
+        for instance, name, matrix in self._instances():
+            geometry = self._named(instance.get("url"), "geometry")
+            if geometry is None:
+                self.tally.add(Defect.BROKEN, name)
+                continue
+            bound = {m.get("symbol", ""): m.get("target", "") for m in instance.iter("instance_material")}
+            key = (geometry.get("id", ""), tuple(sorted(bound.items())))
+            label = geometry.get("name") or geometry.get("id") or "geometry"
+            if key not in known:
+                mesh = self._mesh(geometry, label, bound)
+                known[key] = None if mesh is None else len(meshes)
+                if mesh is not None:
+                    meshes.append(mesh)
+            number = known[key]
+            if number is not None:
+                nodes.append(SourceNode(number, f"{name}/{label}" if name else label, matrix))
+        return meshes, nodes
+
+    def _named(self, url: str | None, *tags: str) -> Element | None:
+        """The element of one of `tags` that a local URL names."""
+        element = self._ids.get((url or "").removeprefix("#"))
+        return element if element is not None and element.tag in tags else None
+
+    def _instances(self) -> Iterator[tuple[Element, str, np.ndarray]]:
+        """(instance_geometry, node's name, matrix) of everything in the scene."""
+        instance = self.root.find("scene/instance_visual_scene")
+        scene = self._named(instance.get("url"), "visual_scene") if instance is not None else None
+        if scene is None:
+            scene = self.root.find("library_visual_scenes/visual_scene")
+        if scene is None:
+            return
+        stack = [(node, IDENTITY, 0) for node in reversed(scene.findall("node"))]
+        seen = 0
+        while stack:
+            node, parent, depth = stack.pop()
+            seen += 1
+            name = node.get("name") or node.get("id") or ""
+            if depth > _DEEPEST or seen > _MOST_NODES:
+                raise ModelError(f"{self.file}: node {name!r} seems to contain itself; export the model again")
+            matrix = self._matrix(node, parent, name)
+            for child in node.findall("instance_geometry"):
+                yield child, name, matrix
+            for child in node.findall("instance_controller"):
+                yield from self._controlled(child, name, matrix)
+            children = node.findall("node")
+            for child in node.findall("instance_node"):
+                target = self._named(child.get("url"), "node")
+                if target is None:
+                    self.tally.add(Defect.BROKEN, name)
+                else:
+                    children.append(target)
+            stack.extend((child, matrix, depth + 1) for child in reversed(children))
+
+    def _controlled(
+        self, instance: Element, name: str, matrix: np.ndarray
+    ) -> Iterator[tuple[Element, str, np.ndarray]]:
+        """A skinned geometry, where its skin was bound."""
+        controller = self._named(instance.get("url"), "controller")
+        skin = controller.find("skin") if controller is not None else None
+        if skin is None:
+            self.tally.add(Defect.UNSUPPORTED, name)
+            return
+        shape = floats_of(skin.findtext("bind_shape_matrix") or "")
+        copy = ElementTree.Element("instance_geometry", {"url": skin.get("source", "")})
+        copy.extend(instance)
+        yield copy, name, compose(matrix, shape.reshape(4, 4)[:3]) if len(shape) == 16 else matrix
+
+    def _matrix(self, node: Element, parent: np.ndarray, name: str) -> np.ndarray:
+        """The product of a node's transforms, after its parent's."""
+        matrix = parent
+        for element in node:
+            if element.tag not in ("matrix", "translate", "rotate", "scale", "lookat", "skew"):
+                continue
+            values = floats_of(element.text or "")
+            local = _transform(element.tag, values)
+            if local is None:
+                self.tally.add(Defect.UNSUPPORTED if element.tag in ("lookat", "skew") else Defect.BROKEN, name)
+            elif not np.array_equal(local, IDENTITY):
+                matrix = local if matrix is IDENTITY else compose(matrix, local)
+        return matrix
+
+    def _source(self, url: str | None) -> np.ndarray | None:
+        """A source's values (count, width) float64."""
+        element = self._named(url, "source")
+        if element is None or url is None:
+            return None
+        if url not in self._sources:
+            array = element.find("float_array")
+            values = floats_of(array.text or "") if array is not None else np.empty(0)
+            accessor = element.find("technique_common/accessor")
+            stride, offset = 3, 0
+            if accessor is not None:
+                stride, offset = int(accessor.get("stride", "1")), int(accessor.get("offset", "0"))
+            if not (1 <= stride <= 64 and offset >= 0):
+                raise ModelError(f"{self.file}: source {url[:60]!r} has a stride of {stride}; export the model again")
+            values = values[offset:]
+            self._sources[url] = values[: len(values) // stride * stride].reshape(-1, stride)
+        return self._sources[url]
+
+    def _inputs(self, primitive: Element) -> list[_Input]:
+        """A primitive's inputs, those of its vertices included."""
+        found = []
+        for element in primitive.findall("input"):
+            offset, number = int(element.get("offset", "0")), int(element.get("set", "0"))
+            vertices = self._named(element.get("source"), "vertices")
+            inner = vertices.findall("input") if vertices is not None else [element]
+            for entry in inner:
+                values = self._source(entry.get("source"))
+                if values is not None:
+                    found.append(_Input(entry.get("semantic", ""), offset, number, values))
+        return found
+
+    def _mesh(self, geometry: Element, name: str, bound: dict[str, str]) -> SourceMesh | None:
+        """A geometry with its materials, None if it has no triangles."""
+        mesh = geometry.find("mesh")
+        if mesh is None:
+            self.tally.add(Defect.UNSUPPORTED, name)
+            return None
+        defects: dict[Defect, int] = {}
+        pieces = []
+        for primitive in mesh:
+            if primitive.tag in _NOT_TRIANGLES:
+                defects[Defect.NOT_TRIANGLES] = defects.get(Defect.NOT_TRIANGLES, 0) + 1
+            elif primitive.tag in _POLYGONS:
+                piece = self._piece(primitive, name, bound, defects)
+                if piece is not None:
+                    pieces.append(piece)
+        if not pieces:
+            for defect, count in defects.items():
+                self.tally.add(defect, name, count)
+            return None
+        starts = np.cumsum([0, *(len(piece.positions) for piece in pieces[:-1])]).tolist()
+        return SourceMesh(
+            name,
+            np.concatenate([piece.positions for piece in pieces]),
+            np.concatenate(
+                [
+                    np.where(piece.triangles >= 0, piece.triangles + start, -1)
+                    for piece, start in zip(pieces, starts, strict=True)
+                ]
+            ),
+            np.concatenate([np.zeros_like(p.positions) if p.normals is None else p.normals for p in pieces]),
+            np.concatenate([p.colours for p in pieces if p.colours is not None]),
+            defects,
+        )
+
+    def _piece(
+        self, primitive: Element, name: str, bound: dict[str, str], defects: dict[Defect, int]
+    ) -> SourceMesh | None:
+        """One primitive, with every colour set."""
+        inputs = self._inputs(primitive)
+        width = max((int(e.get("offset", "0")) for e in primitive.findall("input")), default=0) + 1
+        position = next((i for i in inputs if i.semantic == "POSITION" and i.values.shape[1] >= 3), None)
+        if position is None or width > 64:
+            defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
+            return None
+        numbers, triangles = _corners(primitive, width, defects)
+        if not len(triangles):
+            return None
+        corners = numbers[triangles.reshape(-1)]
+
+        def index(entry: _Input | None) -> np.ndarray:
+            if entry is None:
+                return np.full(len(corners), -1, np.int64)
+            values = corners[:, entry.offset]
+            return np.where((values >= 0) & (values < len(entry.values)), values, -1)
+
+        sets = sorted((i for i in inputs if i.semantic == "TEXCOORD" and i.values.shape[1] >= 2), key=lambda i: i.set)
+        normal = next((i for i in inputs if i.semantic == "NORMAL" and i.values.shape[1] == 3), None)
+        paint = next((i for i in inputs if i.semantic == "COLOR" and i.values.shape[1] in (3, 4)), None)
+        surface = self._surface(bound.get(primitive.get("material", ""), ""))
+        if primitive.get("material") and surface is None:
+            defects[Defect.NO_MATERIAL] = defects.get(Defect.NO_MATERIAL, 0) + 1
+        if surface is not None and surface.missing:
+            defects[Defect.NO_TEXTURE] = defects.get(Defect.NO_TEXTURE, 0) + 1
+        image = surface.texture if surface is not None else None
+        place = sets[0] if sets and image is not None else None
+        columns = [index(entry) for entry in (position, normal, paint, place)]
+        kept, vertex = unify(np.stack(columns, axis=1))
+        at, facing, painted, placed = (column[kept] for column in columns)
+        faces = np.where(columns[0] >= 0, vertex, -1).reshape(-1, 3)
+        piece = SourceMesh(name, _taken(position.values[:, :3], at), faces)
+        if normal is not None:
+            piece.normals = _taken(normal.values, facing)
+        colours = np.empty((len(kept), 4), np.uint8)
+        colours[:] = DEFAULT_COLOUR if surface is None else surface.colour
+        if paint is not None:
+            values = _taken(paint.values, painted)
+            bad = ~np.isfinite(values).all(axis=1)
+            defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + int(bad.sum())
+            good = ~bad & (painted >= 0)
+            colours[good] = to_colours(values[good])
+        if place is not None and image is not None:
+            places = _taken(place.values[:, :2], placed)
+            places[:, 1] = 1 - places[:, 1]
+            sampled = image.sample(places, faces[(faces >= 0).all(axis=1)])
+            colours[placed >= 0] = tint(sampled, colours)[placed >= 0]
+        piece.colours = colours
+        for defect in [defect for defect, count in defects.items() if not count]:
+            del defects[defect]
+        return piece
+
+    def _surface(self, target: str) -> _Surface | None:
+        if target not in self._surfaces:
+            material = self._named(target, "material")
+            instance = material.find("instance_effect") if material is not None else None
+            effect = self._named(instance.get("url"), "effect") if instance is not None else None
+            self._surfaces[target] = None if effect is None else self._shade(effect)
+        return self._surfaces[target]
+
+    def _shade(self, effect: Element) -> _Surface:
+        """An effect's diffuse colour or texture, and its opacity."""
+        shader = next((e for e in effect.iter() if e.tag in _SHADERS), None)
+        parameters = {e.get("sid", ""): e for e in effect.iter("newparam")}
+        colour, image, missing = np.array([0.8, 0.8, 0.8, 1.0]), None, False
+        if shader is None:
+            return _Surface(to_colours(colour[None])[0], None, False)
+        diffuse = shader.find("diffuse" if shader.tag != "constant" else "emission")
+        if diffuse is not None:
+            values = floats_of(diffuse.findtext("color") or "")
+            sampler = diffuse.find("texture")
+            if len(values) >= 3 and np.isfinite(values).all():
+                colour[: len(values[:4])] = values[:4]
+            if sampler is not None:
+                colour[:] = 1
+                image = self._image(sampler.get("texture", ""), parameters)
+                missing = image is None
+        colour[3] *= _opacity(shader)
+        return _Surface(to_colours(colour[None])[0], image, missing)
+
+    def _image(self, sid: str, parameters: dict[str, Element]) -> Texture | None:
+        """The image that a sampler leads to."""
+        for _ in range(3):  # sampler, surface, image
+            parameter = parameters.get(sid)
+            if parameter is None:
+                break
+            instance = parameter.find(".//instance_image")
+            step = parameter.findtext(".//source") or parameter.findtext(".//init_from")
+            sid = (instance.get("url", "") if instance is not None else step or "").strip().removeprefix("#")
+        image = self._named(sid, "image")
+        if image is None:
+            return None
+        path = (image.findtext("init_from") or image.findtext("init_from/ref") or "").strip()
+        path = path or (image.findtext("init_from/ref") or "").strip()
+        if path not in self._textures:
+            self._textures[path] = Texture.decode(self.resources.read(path.removeprefix("file://")))
+        return self._textures[path]
+
+
+def _corners(primitive: Element, width: int, defects: dict[Defect, int]) -> tuple[np.ndarray, np.ndarray]:
+    """All corners' numbers (c, width), and the triangles (m, 3) between those corners."""
+    lists = [_whole(p.text or "") for p in primitive.iter("p")]
+    if any(len(values) % width for values in lists):
+        defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
+    lists = [values[: len(values) // width * width] for values in lists]
+    numbers = np.concatenate([np.empty(0, np.int64), *lists]).reshape(-1, width)
+    sizes = np.array([len(values) // width for values in lists], np.int64)
+    if primitive.tag == "triangles":
+        return numbers, np.arange(len(numbers) // 3 * 3).reshape(-1, 3)
+    if primitive.tag == "tristrips":
+        starts = np.cumsum(sizes) - sizes
+        strips = [_strip(size) + start for size, start in zip(sizes.tolist(), starts.tolist(), strict=True)]
+        return numbers, np.concatenate([np.empty((0, 3), np.int64), *strips])
+    if primitive.tag == "polylist":
+        sizes = np.maximum(_whole(primitive.findtext("vcount") or ""), 0)
+        whole = int(np.searchsorted(np.cumsum(sizes), len(numbers), side="right"))
+        if whole < len(sizes):
+            defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
+        sizes = sizes[:whole]
+    short = int(np.count_nonzero(sizes < 3))
+    if short:
+        defects[Defect.POLYGON] = defects.get(Defect.POLYGON, 0) + short
+    return numbers, fan(sizes)
+
+
+def _strip(size: int) -> np.ndarray:
+    number = np.arange(max(size - 2, 0), dtype=np.int64)
+    odd = number % 2
+    return np.stack([number, number + 1 + odd, number + 2 - odd], axis=1)
+
+
+def _whole(text: str) -> np.ndarray:
+    """Whole numbers as int64; words that are none become -1."""
+    values = floats_of(text)
+    return np.where(np.isfinite(values) & (np.abs(values) < 2**53), values, -1).astype(np.int64)
+
+
+def _taken(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Rows of `values`; zeros where the index is -1."""
+    taken = np.zeros((len(index), values.shape[1]))
+    taken[index >= 0] = values[index[index >= 0]]
+    return taken
+
+
+def _transform(tag: str, values: np.ndarray) -> np.ndarray | None:
+    """The (3, 4) matrix of a transform element, None if it is not understood."""
+    if tag == "matrix" and len(values) == 16:
+        return values.reshape(4, 4)[:3]
+    if tag == "translate" and len(values) == 3:
+        return np.column_stack([np.eye(3), values])
+    if tag == "scale" and len(values) == 3:
+        return np.column_stack([np.diag(values), np.zeros(3)])
+    if tag == "rotate" and len(values) == 4 and np.isfinite(values).all():
+        x, y, z, degrees = values.tolist()
+        length = math.sqrt(x * x + y * y + z * z)
+        if length == 0:
+            return IDENTITY
+        x, y, z = x / length, y / length, z / length
+        quarter = degrees / 90
+        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        if quarter == int(quarter):  # exact, so that boxes turned by quarters stay boxes
+            cosine, sine = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]
+        rest = 1 - cosine
+        return np.array(
+            [
+                [rest * x * x + cosine, rest * x * y - sine * z, rest * x * z + sine * y, 0.0],
+                [rest * x * y + sine * z, rest * y * y + cosine, rest * y * z - sine * x, 0.0],
+                [rest * x * z - sine * y, rest * y * z + sine * x, rest * z * z + cosine, 0.0],
+            ]
+        )
+    return None
+
+
+def _opacity(shader: Element) -> float:
+    """Opacity from 0 to 1. Exporters that write 0 for opaque are so common that 0 is taken for 1."""
+    transparent = shader.find("transparent")
+    factor = floats_of(shader.findtext("transparency/float") or "1")
+    amount = float(factor[0]) if len(factor) and np.isfinite(factor[0]) else 1.0
+    colour = floats_of(transparent.findtext("color") or "") if transparent is not None else np.empty(0)
+    if len(colour) < 3 or not np.isfinite(colour).all():
+        return amount if transparent is None and 0 < amount <= 1 else 1.0
+    mode = transparent.get("opaque", "A_ONE") if transparent is not None else "A_ONE"
+    share = float(colour[3]) if mode.startswith("A_") and len(colour) > 3 else 1.0
+    if mode.startswith("RGB"):
+        share = float(colour[0] * 0.212671 + colour[1] * 0.715160 + colour[2] * 0.072169)
+    opacity = 1 - share * amount if mode.endswith("ZERO") else share * amount
+    return opacity if 0 < opacity <= 1 else 1.0

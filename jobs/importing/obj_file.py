@@ -1,0 +1,447 @@
+"""Reader of Wavefront OBJ files with their material libraries (.obj, .mtl).
+
+A part is a group: faces under the same `o` and `g` names, wherever they stand in the file; a file without either is one
+part. Faces of a part keep the file's order and are split into fans of triangles: a part's face numbers count those
+triangles. Vertices are split where position, texture coordinates, normal or material differ.
+
+Read here and not by trimesh, which sorts faces by material, drops group names, resolves relative indices against the
+whole file, wraps or fails on indices out of range, and says nothing of missing libraries and textures. The file is read
+in chunks, and each chunk's numbers are parsed all at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from jobs.importing.colours import DEFAULT_COLOUR, Texture, tint, to_colours
+from jobs.importing.corners import unify
+from jobs.importing.numbers import floats_of, integers_of, rows_of, table_of
+from jobs.importing.resources import Resources
+from jobs.importing.saved import IDENTITY
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, fan
+
+_CHUNK = 1 << 23
+
+#: Far more vertices than a file can hold: indices are clipped to it, which leaves them out of range.
+_MOST = (1 << 31) - 1
+
+
+def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+    """Read an OBJ file."""
+    tally = Tally()
+    lines = _Lines(file.stem)
+    for chunk in _chunks(content):
+        lines.take(chunk)
+    tally.add(Defect.NOT_TRIANGLES, file.name, lines.other_primitives)
+    materials, complete = _materials(lines.libraries, resources, tally, file.name)
+    vertices = lines.vertices()
+    names = list(lines.material_names)
+    meshes = [_mesh(part, vertices, names, materials, complete or not lines.libraries) for part in lines.parts()]
+    nodes = [SourceNode(i, mesh.name, IDENTITY) for i, mesh in enumerate(meshes)]
+    return SourceScene(file, meshes, nodes, usual_up="y", tally=tally)
+
+
+def _chunks(content: bytes) -> Iterator[bytes]:
+    """The content in whole lines, continued lines joined."""
+    if b"\r" in content and b"\n" not in content:
+        content = content.replace(b"\r", b"\n")
+    start = 0
+    while start < len(content):
+        end = content.find(b"\n", start + _CHUNK)
+        while end > 0 and content[start:end].rstrip(b"\r").endswith(b"\\"):
+            end = content.find(b"\n", end + 1)
+        chunk = content[start:] if end < 0 else content[start : end + 1]
+        start += len(chunk)
+        if b"\\" in chunk:
+            chunk = chunk.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+        yield chunk
+
+
+@dataclass
+class _Part:
+    """A group's faces."""
+
+    name: str
+    counts: np.ndarray  # (f,) corners of each face
+    corners: np.ndarray  # (c, 3) indices of position, texture coordinates, normal; negative: none or out of range
+    materials: np.ndarray  # (f,) numbers of material names
+
+
+@dataclass(frozen=True, eq=False)
+class _Vertices:
+    """What corners index."""
+
+    positions: np.ndarray  # (n, 3)
+    places: np.ndarray  # (t, 2) texture coordinates
+    normals: np.ndarray  # (k, 3)
+    colours: np.ndarray  # (n, 3) 0 to 1
+    given: np.ndarray  # (n,) bool, whether the file gave a colour
+
+
+@dataclass(eq=False)
+class _Lines:
+    """What the lines of a file say, gathered chunk by chunk."""
+
+    stem: str
+    positions: list[np.ndarray] = field(default_factory=list)  # (n, 3) float64
+    colours: list[np.ndarray] = field(default_factory=list)  # (n, 3) float64, 0 to 1
+    given: list[np.ndarray] = field(default_factory=list)  # (n,) whether a file gave a colour
+    places: list[np.ndarray] = field(default_factory=list)  # (n, 2) texture coordinates
+    normals: list[np.ndarray] = field(default_factory=list)  # (n, 3)
+    counts: list[np.ndarray] = field(default_factory=list)
+    corners: list[np.ndarray] = field(default_factory=list)
+    libraries: list[str] = field(default_factory=list)
+    material_names: dict[str, int] = field(default_factory=dict)
+    part_names: dict[str, int] = field(default_factory=dict)
+    #: (first face, part, material) of each run of faces of one part and material
+    runs: list[tuple[int, int, int]] = field(default_factory=list)
+    other_primitives: int = 0
+    _totals: list[int] = field(default_factory=lambda: [0, 0, 0])  # positions, texture coordinates, normals so far
+    _faces: int = 0
+    _object: str = ""
+    _group: str = ""
+    _material: str = ""
+
+    def take(self, chunk: bytes) -> None:
+        """Read some more lines."""
+        vertices: list[bytes] = []
+        places: list[bytes] = []
+        normals: list[bytes] = []
+        faces: list[bytes] = []
+        totals = self._totals
+        marks: list[tuple[int, int, int, int]] = []  # (face, totals before it), where totals changed
+        changed, moved = True, True
+        for line in chunk.split(b"\n"):
+            words = line.split(None, 1)
+            if len(words) < 2:
+                if words and words[0] in (b"g", b"o"):
+                    self._name(words[0], "")
+                    moved = True
+                continue
+            key, rest = words
+            if key == b"v":
+                vertices.append(rest)
+                changed = True
+            elif key == b"f":
+                if changed:
+                    marks.append(
+                        (len(faces), totals[0] + len(vertices), totals[1] + len(places), totals[2] + len(normals))
+                    )
+                    changed = False
+                if moved:
+                    self._start_run(len(faces))
+                    moved = False
+                faces.append(rest)
+            elif key == b"vt":
+                places.append(rest)
+                changed = True
+            elif key == b"vn":
+                normals.append(rest)
+                changed = True
+            elif key in (b"g", b"o"):
+                self._name(key, _text(rest))
+                moved = True
+            elif key == b"usemtl":
+                self._material = _text(rest)
+                moved = True
+            elif key == b"mtllib":
+                self.libraries.append(_text(rest))
+            elif key in (b"l", b"p"):
+                self.other_primitives += 1
+        self._take_vertices(vertices)
+        self.places.append(rows_of(places, 2))
+        self.normals.append(rows_of(normals, 3))
+        if faces:
+            self._take_faces(faces, marks)
+        self._totals = [totals[0] + len(vertices), totals[1] + len(places), totals[2] + len(normals)]
+
+    def vertices(self) -> _Vertices:
+        """All that corners index."""
+        return _Vertices(
+            np.concatenate([np.empty((0, 3)), *self.positions]),
+            np.concatenate([np.empty((0, 2)), *self.places]),
+            np.concatenate([np.empty((0, 3)), *self.normals]),
+            np.concatenate([np.empty((0, 3)), *self.colours]),
+            np.concatenate([np.empty(0, bool), *self.given]),
+        )
+
+    def parts(self) -> Iterator[_Part]:
+        """The groups that have faces, in the order of their first face."""
+        if not self._faces:
+            return
+        counts = np.concatenate(self.counts)
+        corners = np.concatenate(self.corners)
+        starts = np.cumsum(counts) - counts
+        first = np.array([run[0] for run in self.runs])
+        lengths = np.diff(np.append(first, len(counts)))
+        part = np.repeat([run[1] for run in self.runs], lengths)
+        material = np.repeat([run[2] for run in self.runs], lengths)
+        order = np.argsort(part, kind="stable")
+        ends = np.cumsum(np.bincount(part, minlength=len(self.part_names)))
+        for number, name in enumerate(self.part_names):
+            faces = order[ends[number - 1] if number else 0 : ends[number]]
+            if len(faces):
+                sizes = counts[faces]
+                rows = np.repeat(starts[faces] - (np.cumsum(sizes) - sizes), sizes) + np.arange(sizes.sum())
+                yield _Part(name or self.stem, sizes, corners[rows], material[faces])
+
+    def _name(self, key: bytes, name: str) -> None:
+        if key == b"o":
+            self._object, self._group = name, ""
+        else:
+            self._group = name
+
+    def _start_run(self, faces: int) -> None:
+        name = "/".join(step for step in (self._object, self._group) if step)
+        part = self.part_names.setdefault(name, len(self.part_names))
+        material = self.material_names.setdefault(self._material, len(self.material_names))
+        self.runs.append((self._faces + faces, part, material))
+
+    def _take_vertices(self, lines: list[bytes]) -> None:
+        """Positions, and colours where a line has six numbers, or seven with a weight before them."""
+        if not lines:
+            return
+        values = table_of(lines)
+        if values is None:
+            values = rows_of(lines, 6)
+            given = np.isfinite(values[:, 3:]).any(axis=1)
+        else:
+            given = np.full(len(lines), values.shape[1] in (6, 7))
+        self.positions.append(np.ascontiguousarray(values[:, :3]) if values.shape[1] >= 3 else rows_of(lines, 3))
+        self.colours.append(values[:, -3:] if given.any() else np.broadcast_to(np.nan, (len(lines), 3)))
+        self.given.append(given)
+
+    def _take_faces(self, lines: list[bytes], marks: list[tuple[int, int, int, int]]) -> None:
+        counts, corners = _corners(lines)
+        mark = np.array(marks, np.int64)
+        lengths = np.diff(np.append(mark[:, 0], len(lines)))
+        for column in range(3):
+            index = corners[:, column]
+            relative = index < 0
+            if relative.any():
+                total = np.repeat(np.repeat(mark[:, 1 + column], lengths), counts)
+                index[relative] += total[relative]
+            index[~relative] -= 1
+        self.counts.append(counts)
+        self.corners.append(np.clip(corners, -1, _MOST).astype(np.int32))
+        self._faces += len(lines)
+
+
+def _corners(lines: list[bytes]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of each face (f,), and each corner's three numbers as written (c, 3), 0 where there is none."""
+    counts = np.array([len(line.split()) for line in lines], np.int64)
+    slashes = np.array([line.count(b"/") for line in lines], np.int64)
+    each = np.where(slashes == slashes // np.maximum(counts, 1) * counts, slashes // np.maximum(counts, 1), -1)
+    slow = (each < 0) | (each > 2)
+    forms: list[tuple[np.ndarray, np.ndarray]] = []  # faces whose corners are written alike, with all their numbers
+    for form in range(3):  # a, a/b, a/b/c
+        faces = np.flatnonzero(each == form)
+        text = b" ".join(lines if len(faces) == len(lines) else [lines[face] for face in faces.tolist()])
+        values = integers_of(text.replace(b"//", b"/0/").replace(b"/", b" "))
+        if values is None or len(values) != int(counts[faces].sum()) * (form + 1):
+            slow[faces] = True
+        else:
+            forms.append((faces, values.reshape(-1, form + 1)))
+    odd = {face: _odd_corners(lines[face]) for face in np.flatnonzero(slow).tolist()}
+    for face, rows in odd.items():
+        counts[face] = len(rows)
+    starts = np.cumsum(counts) - counts
+    corners = np.zeros((int(counts.sum()), 3), np.int64)
+    for faces, values in forms:
+        sizes = counts[faces]
+        at = np.repeat(starts[faces] - (np.cumsum(sizes) - sizes), sizes) + np.arange(len(values))
+        corners[at, : values.shape[1]] = values
+    for face, rows in odd.items():
+        corners[starts[face] : starts[face] + len(rows)] = rows
+    return counts, corners
+
+
+def _odd_corners(line: bytes) -> np.ndarray:
+    """The same for one face with comments, mixed forms or words that are no numbers, which become 0."""
+    rows = [[_integer(step) for step in word.split(b"/")[:3]] for word in line.split(b"#")[0].split()]
+    return np.array([row + [0] * (3 - len(row)) for row in rows], np.int64).reshape(-1, 3)
+
+
+def _integer(text: bytes) -> int:
+    try:
+        return min(max(int(text), -_MOST), _MOST)
+    except ValueError:
+        return 0
+
+
+def _text(data: bytes) -> str:
+    return data.strip().decode("utf-8", "replace")
+
+
+@dataclass(frozen=True, eq=False)
+class _Material:
+    """What a material library says of one material."""
+
+    colour: np.ndarray  # (4,) uint8
+    texture: Texture | None
+    mask: Texture | None  # its brightness is the texture's alpha
+    scale: tuple[float, float]
+    offset: tuple[float, float]
+    missing: int  # textures that are not there
+    not_finite: int
+
+    @property
+    def textured(self) -> bool:
+        return self.texture is not None or self.mask is not None
+
+    def apply(self, colours: np.ndarray, where: np.ndarray, places: np.ndarray, triangles: np.ndarray) -> None:
+        """Tint `colours` (n, 4) at `where` (n,) by the textures at `places` (n, 2)."""
+        if self.texture is not None:
+            colours[where] = tint(self.texture.sample(places, triangles)[where], colours[where])
+        if self.mask is not None and (self.texture is None or (self.texture.pixels[..., 3] == 255).all()):
+            brightness = self.mask.sample(places, triangles)[where, :3].astype(np.float64).mean(axis=1)
+            colours[where, 3] = np.rint(colours[where, 3] * brightness / 255).astype(np.uint8)
+
+
+def _materials(
+    libraries: list[str], resources: Resources, tally: Tally, file_name: str
+) -> tuple[dict[str, _Material], bool]:
+    """All materials, and whether all libraries were there."""
+    materials: dict[str, _Material] = {}
+    textures: dict[str, Texture | None] = {}
+    complete = bool(libraries)
+    for names in dict.fromkeys(libraries):
+        found = [resources.read(names)]
+        if found[0] is None and len(names.split()) > 1:
+            found = [resources.read(name) for name in names.split()]
+        for data in found:
+            if data is None:
+                tally.add(Defect.NO_LIBRARY, file_name)
+                complete = False
+            else:
+                for name, entries in _library(data).items():
+                    materials.setdefault(name, _material(entries, resources, textures))
+    return materials, complete
+
+
+def _library(data: bytes) -> dict[str, dict[str, str]]:
+    """A material library's entries by material and keyword (lower case)."""
+    materials: dict[str, dict[str, str]] = {}
+    current: dict[str, str] = {}
+    for line in data.decode("utf-8", "replace").splitlines():
+        words = line.strip().split(None, 1)
+        if len(words) == 2:
+            key, rest = words[0].lower(), words[1].strip()
+            if key == "newmtl":
+                current = materials.setdefault(rest, {})
+            else:
+                current[key] = rest
+    return materials
+
+
+def _material(entries: dict[str, str], resources: Resources, textures: dict[str, Texture | None]) -> _Material:
+    colour = floats_of(entries.get("kd", "1 1 1" if "map_kd" in entries else "0.8 0.8 0.8"))
+    if len(colour) == 1:
+        colour = np.repeat(colour, 3)
+    colour = colour[:3] if len(colour) >= 3 else np.full(3, 0.8)
+    bad = ~np.isfinite(colour)
+    opacity = floats_of(entries["d"].replace("-halo", "")) if "d" in entries else 1 - floats_of(entries.get("tr", "0"))
+    alpha = float(opacity[0]) if len(opacity) and np.isfinite(opacity[0]) else 1.0
+    rgba = to_colours(np.append(np.where(bad, 0.8, colour), alpha)[None])[0]
+    images: list[Texture | None] = []
+    missing = 0
+    scale, offset = (1.0, 1.0), (0.0, 0.0)
+    for key in ("map_kd", "map_d"):
+        image = None
+        if key in entries:
+            name, wanted_scale, wanted_offset = _map(entries[key])
+            if key == "map_kd":
+                scale, offset = wanted_scale, wanted_offset
+            if name not in textures:
+                textures[name] = Texture.decode(resources.read(name))
+            image = textures[name]
+            missing += image is None
+        images.append(image)
+    return _Material(rgba, images[0], images[1], scale, offset, missing, int(bad.any()))
+
+
+def _map(text: str) -> tuple[str, tuple[float, float], tuple[float, float]]:
+    """File name, scale and offset of a texture statement; other options are passed over."""
+    words = text.split()
+    vectors = {"-s": [1.0, 1.0, 1.0], "-o": [0.0, 0.0, 0.0], "-t": [0.0, 0.0, 0.0]}
+    lengths = {
+        "-blendu": 1,
+        "-blendv": 1,
+        "-cc": 1,
+        "-clamp": 1,
+        "-bm": 1,
+        "-boost": 1,
+        "-imfchan": 1,
+        "-texres": 1,
+        "-mm": 2,
+    }
+    at = 0
+    while at < len(words) - 1 and (words[at] in vectors or words[at] in lengths):
+        option = words[at]
+        at += 1
+        if option in lengths:
+            at += lengths[option]
+            continue
+        for axis in range(3):
+            value = floats_of(words[at] if at < len(words) - 1 else "")
+            if len(value) != 1 or not np.isfinite(value[0]):
+                break
+            vectors[option][axis] = float(value[0])
+            at += 1
+    name = " ".join(words[at:]) if at else text
+    (u, v), (x, y) = vectors["-s"][:2], vectors["-o"][:2]
+    return name, (u, v), (x, y)
+
+
+def _mesh(
+    part: _Part, vertices: _Vertices, names: list[str], materials: dict[str, _Material], complete: bool
+) -> SourceMesh:
+    """One part: its triangles, and vertices with colours. `names` are the materials'; `complete`: all were to be
+    found.
+    """
+    defects = {Defect.POLYGON: int(np.count_nonzero(part.counts < 3))}
+    surfaces = [materials.get(name) for name in names]
+    material = np.repeat(part.materials, np.maximum(part.counts - 2, 0))
+    corners = part.corners[fan(part.counts).reshape(-1)].astype(np.int64)
+    sizes = (len(vertices.positions), len(vertices.places), len(vertices.normals))
+    position, place, normal = (np.where(corners[:, i] < size, corners[:, i], -1) for i, size in enumerate(sizes))
+    which = np.repeat(material, 3)
+    textured = np.array([surface is not None and surface.textured for surface in surfaces])
+    place[~textured[which]] = -1
+    kept, vertex = unify(np.stack([(position << 32) + place, (normal << 32) + which], axis=1))
+    triangles = np.where(position >= 0, vertex, -1).reshape(-1, 3)
+    position, place, normal, which = position[kept], place[kept], normal[kept], which[kept]
+
+    colours = np.full((len(kept), 4), DEFAULT_COLOUR, np.uint8)
+    painted = np.zeros(len(kept), bool)
+    if vertices.given.any():
+        given = vertices.colours[position]
+        painted = np.isfinite(given).all(axis=1) & (position >= 0)
+        colours[painted] = to_colours(given[painted])
+        defects[Defect.COLOUR] = int(np.count_nonzero(vertices.given[position] & ~painted & (position >= 0)))
+    for index in np.unique(material).tolist():
+        surface = surfaces[index]
+        if surface is None:
+            unknown = bool(names[index]) and complete
+            defects[Defect.NO_MATERIAL] = defects.get(Defect.NO_MATERIAL, 0) + unknown
+            continue
+        defects[Defect.NO_TEXTURE] = defects.get(Defect.NO_TEXTURE, 0) + surface.missing
+        defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + surface.not_finite
+        mine = which == index
+        colours[mine & ~painted] = surface.colour
+        has = mine & (place >= 0)
+        if has.any():
+            own = triangles[(material == index) & (triangles >= 0).all(axis=1)]
+            places = np.zeros((len(kept), 2))
+            places[has] = vertices.places[place[has]] * surface.scale + surface.offset
+            places[:, 1] = 1 - places[:, 1]
+            surface.apply(colours, has, places, own)
+    normals = np.zeros((len(kept), 3))
+    normals[normal >= 0] = vertices.normals[normal[normal >= 0]]
+    positions = np.zeros((len(kept), 3))
+    positions[position >= 0] = vertices.positions[position[position >= 0]]
+    return SourceMesh(part.name, positions, triangles, normals, colours, {d: n for d, n in defects.items() if n})

@@ -1,0 +1,335 @@
+"""Reader of PLY files, text and binary (.ply).
+
+Polygons are split into fans of triangles from their first corner, in the file's order. Colours are taken from the
+vertices, else from the faces, else from a texture (`comment TextureFile`). Read here and not by trimesh, which cannot
+read a binary file whose faces differ in their number of corners, and allocates what a header claims.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jobs.importing.colours import DEFAULT_COLOUR, Texture, to_colours
+from jobs.importing.corners import split_by_face, unify
+from jobs.importing.numbers import floats_of
+from jobs.importing.resources import Resources
+from jobs.importing.saved import IDENTITY
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
+from storage.errors import ModelError
+
+_TYPES = {
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
+
+_CORNERS = ("vertex_indices", "vertex_index")
+_PLACES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+
+
+@dataclass(frozen=True)
+class _Property:
+    name: str
+    kind: str  # numpy type without byte order
+    count: str | None  # numpy type of a list's length, None for a single value
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    rows: int
+    properties: list[_Property]
+
+
+@dataclass(frozen=True, eq=False)
+class _List:
+    """A list property: all rows' values one after another."""
+
+    counts: np.ndarray  # (rows,) int64
+    values: np.ndarray  # (sum of counts,)
+
+
+_Columns = dict[str, np.ndarray | _List]
+
+
+def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+    """Read a PLY file. Raises ModelError if it is cut short or its header cannot be understood."""
+    order, elements, texture, start = _header(file, content)
+    found = _text(file, content[start:], elements) if order is None else _binary(file, content, start, order, elements)
+    mesh = _mesh(file, found, elements, texture, resources)
+    if mesh is None:
+        return SourceScene(file, [], [])
+    return SourceScene(file, [mesh], [SourceNode(0, mesh.name, IDENTITY)])
+
+
+def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
+    """Byte order (None: text), elements, texture file and where the data starts."""
+    if not content.startswith(b"ply"):
+        raise ModelError(f"{file}: not a PLY file, it does not start with ply; check its extension or export it again")
+    end = content.find(b"end_header")
+    if end < 0:
+        raise ModelError(f"{file}: the PLY header has no end; the file is cut short, export it again")
+    start = end + len(b"end_header")
+    start += 2 if content[start : start + 2] == b"\r\n" else 1
+    orders = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
+    order: str | None = None
+    known = False
+    elements: list[_Element] = []
+    texture = None
+    for line in content[:end].decode("latin-1").splitlines():
+        words = line.split()
+        try:
+            if words[:1] == ["format"]:
+                order, known = orders[words[1]], True
+            elif words[:2] == ["comment", "TextureFile"]:
+                texture = line.split("TextureFile", 1)[1].strip()
+            elif words[:1] == ["element"]:
+                if int(words[2]) < 0:
+                    raise ValueError
+                elements.append(_Element(words[1], int(words[2]), []))
+            elif words[:2] == ["property", "list"]:
+                elements[-1].properties.append(_Property(words[4], _TYPES[words[3]], _TYPES[words[2]]))
+            elif words[:1] == ["property"]:
+                elements[-1].properties.append(_Property(words[2], _TYPES[words[1]], None))
+        except (KeyError, IndexError, ValueError):
+            raise ModelError(
+                f"{file}: the PLY header line {line.strip()[:60]!r} means nothing; export it again"
+            ) from None
+    if not known:
+        raise ModelError(f"{file}: the PLY header names no format; the file is damaged, export it again")
+    return order, elements, texture, start
+
+
+def _cut(file: Path, element: _Element) -> ModelError:
+    return ModelError(
+        f"{file}: {element.rows} rows of {element.name!r} are promised, but the data ends before; "
+        "the file is cut short, export it again"
+    )
+
+
+def _binary(file: Path, content: bytes, start: int, order: str, elements: list[_Element]) -> dict[str, _Columns]:
+    found: dict[str, _Columns] = {}
+    for element in elements:
+        least = sum(np.dtype(p.count or p.kind).itemsize for p in element.properties)
+        if start + least * element.rows > len(content):
+            raise _cut(file, element)
+        columns, start = _uniform(content, start, order, element) or _mixed(file, content, start, order, element)
+        found.setdefault(element.name, columns)
+    return found
+
+
+def _uniform(content: bytes, start: int, order: str, element: _Element) -> tuple[_Columns, int] | None:
+    """An element whose lists are all as long as the first row's, and where it ends; None if they are not."""
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
+    at = start
+    for number, p in enumerate(element.properties):
+        if p.count is None:
+            fields.append((f"{number}", order + p.kind))
+            at += np.dtype(p.kind).itemsize
+            continue
+        if element.rows == 0 or at + np.dtype(p.count).itemsize > len(content):
+            return ({}, start) if element.rows == 0 else None
+        length = int(np.frombuffer(content, order + p.count, 1, at)[0])
+        at += np.dtype(p.count).itemsize + length * np.dtype(p.kind).itemsize
+        if length < 0 or at > len(content):
+            return None
+        fields += [(f"{number} count", order + p.count), (f"{number}", order + p.kind, (length,))]
+    dtype = np.dtype(fields)
+    end = start + dtype.itemsize * element.rows
+    if end > len(content) or not dtype.itemsize:
+        return None
+    table = np.frombuffer(content, dtype, element.rows, start)
+    columns: _Columns = {}
+    for number, p in enumerate(element.properties):
+        values = table[f"{number}"]
+        if p.count is None:
+            columns[p.name] = values
+        elif (table[f"{number} count"] == values.shape[1]).all():
+            columns[p.name] = _List(np.full(element.rows, values.shape[1], np.int64), values.reshape(-1))
+        else:
+            return None
+    return columns, end
+
+
+def _mixed(file: Path, content: bytes, start: int, order: str, element: _Element) -> tuple[_Columns, int]:
+    """An element whose lists differ in length, row by row."""
+    singles: list[list[np.ndarray]] = [[] for _ in element.properties]
+    counts: list[list[int]] = [[] for _ in element.properties]
+    kinds = [
+        (np.dtype(order + p.kind), None if p.count is None else np.dtype(order + p.count)) for p in element.properties
+    ]
+    at = start
+    for _ in range(element.rows):
+        for number, (kind, counter) in enumerate(kinds):
+            length = 1
+            if counter is not None:
+                if at + counter.itemsize > len(content):
+                    raise _cut(file, element)
+                length = int(np.frombuffer(content, counter, 1, at)[0])
+                at += counter.itemsize
+                counts[number].append(length)
+            if length < 0 or at + length * kind.itemsize > len(content):
+                raise _cut(file, element)
+            singles[number].append(np.frombuffer(content, kind, length, at))
+            at += length * kind.itemsize
+    columns: _Columns = {}
+    for number, p in enumerate(element.properties):
+        values = np.concatenate(singles[number]) if singles[number] else np.empty(0)
+        columns[p.name] = values if p.count is None else _List(np.array(counts[number], np.int64), values)
+    return columns, at
+
+
+def _text(file: Path, body: bytes, elements: list[_Element]) -> dict[str, _Columns]:
+    values = floats_of(body)
+    found: dict[str, _Columns] = {}
+    start = 0
+    for element in elements:
+        width = len(element.properties)
+        if start + width * element.rows > len(values):
+            raise _cut(file, element)
+        columns: _Columns = {}
+        if not any(p.count for p in element.properties):
+            table = values[start : start + width * element.rows].reshape(element.rows, width)
+            columns = {p.name: table[:, number] for number, p in enumerate(element.properties)}
+            start += table.size
+        else:
+            columns, start = _text_lists(file, values, start, element)
+        found.setdefault(element.name, columns)
+    return found
+
+
+def _text_lists(file: Path, values: np.ndarray, start: int, element: _Element) -> tuple[_Columns, int]:
+    """An element with lists: where each row's values lie is found row by row, the values are taken all at once."""
+    places = [np.empty(element.rows, np.int64) for _ in element.properties]
+    counts = [np.ones(element.rows, np.int64) for _ in element.properties]
+    at, total = start, len(values)
+    lengths = (
+        np.where((values >= 0) & (values < total) & (values == np.floor(values)), values, -1).astype(np.int64).tolist()
+    )
+    for row in range(element.rows):
+        for number, p in enumerate(element.properties):
+            length = 1
+            if p.count is not None:
+                length = lengths[at] if at < total else -1
+                at += 1
+                counts[number][row] = length
+            if length < 0 or at + length > total:
+                raise _cut(file, element)
+            places[number][row] = at
+            at += length
+    columns: _Columns = {}
+    for number, p in enumerate(element.properties):
+        size = counts[number]
+        index = np.repeat(places[number] - (np.cumsum(size) - size), size) + np.arange(size.sum())
+        taken = values[index]
+        columns[p.name] = taken if p.count is None else _List(size, taken)
+    return columns, at
+
+
+def _mesh(
+    file: Path, found: dict[str, _Columns], elements: list[_Element], texture: str | None, resources: Resources
+) -> SourceMesh | None:
+    vertex, face = found.get("vertex", {}), found.get("face", {})
+    polygons = next((face[name] for name in _CORNERS if isinstance(face.get(name), _List)), None)
+    if not isinstance(polygons, _List):
+        return None
+    position = _stack(vertex, ("x", "y", "z"))
+    if position is None:
+        raise ModelError(f"{file}: the vertices have no x, y and z; export the model again")
+    triangles = _indices(polygons.values)[fan(polygons.counts)]
+    per_face = np.maximum(polygons.counts - 2, 0)
+    defects = {Defect.POLYGON: int(np.count_nonzero(polygons.counts < 3))}
+    colours = _colours(vertex, elements, "vertex", defects)
+    mesh = SourceMesh(file.stem, position, triangles, _stack(vertex, ("nx", "ny", "nz")), colours, defects)
+    painted = _colours(face, elements, "face", defects)
+    corners = face.get("texcoord")
+    places = next((pair for names in _PLACES if (pair := _stack(vertex, names)) is not None), None)
+    if colours is None and texture is not None and (places is not None or isinstance(corners, _List)):
+        image = Texture.decode(resources.read(texture))
+        if image is None:
+            defects[Defect.NO_TEXTURE] = 1
+        elif isinstance(corners, _List):
+            if not np.array_equal(corners.counts, 2 * polygons.counts):
+                raise ModelError(
+                    f"{file}: the faces have texture coordinates that do not match; export the model again"
+                )
+            _paint(mesh, image, corners.values.reshape(-1, 2).astype(np.float64)[fan(polygons.counts).reshape(-1)])
+        elif places is not None:
+            inside = ((triangles >= 0) & (triangles < len(position))).all(axis=1)
+            mesh.colours = image.sample(np.stack([places[:, 0], 1 - places[:, 1]], axis=1), triangles[inside])
+    elif texture is not None and colours is None:
+        defects[Defect.NO_TEXTURE] = 1
+    elif colours is None and painted is not None:
+        split_by_face(mesh, np.repeat(painted, per_face, axis=0))
+    mesh.defects = {defect: count for defect, count in defects.items() if count}
+    return mesh if len(triangles) else None
+
+
+def _stack(columns: _Columns, names: tuple[str, ...]) -> np.ndarray | None:
+    """Single-valued columns side by side, float64; None unless all are there."""
+    values = [columns.get(name) for name in names]
+    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    return np.stack([array.astype(np.float64) for array in arrays], axis=1) if len(arrays) == len(names) else None
+
+
+def _indices(values: np.ndarray) -> np.ndarray:
+    """Whole numbers as int64; what is none becomes -1, which is out of range."""
+    if values.dtype.kind in "iu":
+        return values.astype(np.int64)
+    whole = np.isfinite(values) & (values == np.floor(values)) & (np.abs(values) < 2**53)
+    return np.where(whole, values, -1).astype(np.int64)
+
+
+def _colours(
+    columns: _Columns, elements: list[_Element], element: str, defects: dict[Defect, int]
+) -> np.ndarray | None:
+    """An element's colours (n, 4) uint8, None if it has none."""
+    kinds = {p.name: p.kind for e in elements if e.name == element for p in e.properties}
+    for names in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")):
+        values = _stack(columns, names)
+        if values is None:
+            continue
+        alpha = _stack(columns, ("alpha",)) if names[0] == "red" else None
+        if alpha is not None:
+            values = np.concatenate([values, alpha], axis=1)
+        kind = np.dtype(kinds[names[0]])
+        if kind.kind in "iu":
+            values = values / np.iinfo(kind).max
+        bad = ~np.isfinite(values).all(axis=1)
+        if bad.any():
+            defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + int(bad.sum())
+        colours = to_colours(values)
+        colours[bad] = DEFAULT_COLOUR
+        return colours
+    return None
+
+
+def _paint(mesh: SourceMesh, image: Texture, places: np.ndarray) -> None:
+    """Texture a mesh by its corners' texture coordinates (3 m, 2), with vertices split where they differ."""
+    flat = mesh.triangles.reshape(-1)
+    valid = (flat >= 0) & (flat < len(mesh.positions))
+    vertex_bits = np.where(valid, flat, -1)[:, None].view(np.float64)
+    kept, vertex = unify(np.concatenate([vertex_bits, places + 0.0], axis=1))
+    source = np.where(valid, flat, 0)[kept]
+    mesh.positions = mesh.positions[source]
+    if mesh.normals is not None:
+        mesh.normals = mesh.normals[source]
+    mesh.triangles = np.where(valid, vertex, -1).reshape(-1, 3)
+    own = mesh.triangles[(mesh.triangles >= 0).all(axis=1)]
+    mesh.colours = image.sample(np.stack([places[kept, 0], 1 - places[kept, 1]], axis=1), own)

@@ -1,0 +1,108 @@
+"""What a build refuses: one clear line, exit code 2, and nothing that could be taken for a store."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.jobs.tiny_model import write_rooms
+
+VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return write_rooms(tmp_path_factory.mktemp("model") / "rooms.obj", rooms=2)
+
+
+def refused(*arguments):
+    """What a command says that ends with exit code 2: one line."""
+    done = subprocess.run([*VLOD, *map(str, arguments)], check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.splitlines()
+    # Lines of finished steps may stand before it.
+    said = [line for line in lines if not line.endswith(" s)")]
+    assert len(said) == 1, done.stderr
+    assert said[0].startswith("error: ")
+    return said[0]
+
+
+@contextlib.contextmanager
+def mounted(path, options):
+    """A file system in memory at `path`; skips the test where this user may not mount one."""
+    path.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(path)]
+    if os.geteuid() != 0 or subprocess.run(command, check=False, capture_output=True).returncode != 0:
+        pytest.skip("mounting a small file system needs root")
+    try:
+        yield path
+    finally:
+        subprocess.run(["umount", "-l", str(path)], check=True)
+
+
+def test_a_missing_model(tmp_path):
+    assert "absent.glb" in refused("build", tmp_path / "absent.glb", tmp_path / "store")
+    assert not (tmp_path / "store").exists() or not any((tmp_path / "store").glob("manifest.json"))
+
+
+def test_a_file_that_is_no_model(tmp_path):
+    (tmp_path / "notes.obj").write_text("shopping list\n")
+    assert "notes.obj" in refused("build", tmp_path / "notes.obj", tmp_path / "store")
+    (tmp_path / "noise.glb").write_bytes(bytes(range(256)) * 9)
+    assert "noise.glb" in refused("build", tmp_path / "noise.glb", tmp_path / "store")
+
+
+def test_a_folder_without_models(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "readme.txt").write_text("nothing here")
+    assert "folder" in refused("build", tmp_path / "folder", tmp_path / "store")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--max-depth", "77"],
+        ["--view-box", "0", "0", "0", "0", "0", "0"],
+        ["--pixel-error", "0"],
+        ["--triangles-per-cell", "-5"],
+        ["--field-of-view", "180"],
+        ["--executor", "serial", "--workers", "3"],
+    ],
+    ids=lambda options: options[0],
+)
+def test_parameters_out_of_range(model, tmp_path, options):
+    refused("build", model, tmp_path / "store", *options)
+    assert not (tmp_path / "store" / "manifest.json").exists()
+
+
+def test_a_store_that_is_a_file(model, tmp_path):
+    (tmp_path / "store").write_text("mine")
+    assert "is a file" in refused("build", model, tmp_path / "store", "--executor", "serial")
+
+
+def test_a_read_only_place(model, tmp_path):
+    with mounted(tmp_path / "disk", "ro,size=1m") as disk:
+        assert "store" in refused("build", model, disk / "store", "--executor", "serial")
+
+
+def test_a_place_without_permission(model, tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    (tmp_path / "locked").mkdir(mode=0o500)
+    assert "ermission" in refused("build", model, tmp_path / "locked" / "store", "--executor", "serial")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kilobytes", [16, 60, 120])
+def test_a_full_disk(model, tmp_path, kilobytes):
+    with mounted(tmp_path / "disk", f"size={kilobytes}k") as disk:
+        said = refused("build", model, disk / "store", "--executor", "serial", "--triangles-per-cell", "150")
+        assert "No space left" in said
+        assert not (disk / "store" / "manifest.json").exists()
+        info = subprocess.run([*VLOD, "info", str(disk / "store")], check=False, capture_output=True, text=True)
+        assert info.returncode == 2
+        assert len(info.stderr.splitlines()) == 1

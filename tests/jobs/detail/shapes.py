@@ -1,0 +1,98 @@
+"""Small meshes to simplify, and how to make a model of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from jobs.detail.pieces import DetailOptions, Piece, build_pieces
+from jobs.importing.model import Model, open_model
+from jobs.importing.saved import MeshView, Placement, write_model
+
+Shape = tuple[np.ndarray, np.ndarray]
+
+
+def grid(n: int, height: np.ndarray) -> Shape:
+    """An open sheet of n x n points over the unit square, height (n, n); 2 (n - 1)^2 triangles."""
+    x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing="ij")
+    i = np.arange(n * n).reshape(n, n)
+    a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
+    points = np.stack([x.ravel(), y.ravel(), height.ravel()], axis=1)
+    return points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def _closed(u: int, v: int, position: np.ndarray) -> Shape:
+    """A torus-like patch of u x v points, closed in both directions; position (u, v, 3)."""
+    i = np.arange(u * v).reshape(u, v)
+    a, b = i.ravel(), np.roll(i, -1, 0).ravel()
+    c, d = np.roll(np.roll(i, -1, 0), -1, 1).ravel(), np.roll(i, -1, 1).ravel()
+    return position.reshape(-1, 3), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def torus(u: int = 48, v: int = 24, large: float = 1.0, small: float = 0.4) -> Shape:
+    """A torus, wound outward."""
+    s, t = np.meshgrid(np.arange(u) * 2 * np.pi / u, np.arange(v) * 2 * np.pi / v, indexing="ij")
+    ring = large + small * np.cos(t)
+    return _closed(u, v, np.stack([ring * np.cos(s), ring * np.sin(s), small * np.sin(t)], axis=-1))
+
+
+def sphere(n: int = 16, radius: float = 1.0, bumps: float = 0.0) -> Shape:
+    """A cube of 6 n x n quads blown up to a sphere, wound outward: 12 n^2 triangles; bumps: relative height of waves."""
+    step = np.tan((np.arange(n + 1) / n - 0.5) * np.pi / 2)
+    s, t = np.meshgrid(step, step, indexing="ij")
+    points, triangles = [], []
+    for axis in range(3):
+        for side in (1.0, -1.0):
+            face = np.zeros((n + 1, n + 1, 3))
+            face[..., axis], face[..., (axis + 1) % 3], face[..., (axis + 2) % 3] = side, s * side, t
+            _, own = grid(n + 1, s)
+            triangles.append(own + len(points) * (n + 1) ** 2)
+            points.append(face.reshape(-1, 3))
+    p = np.concatenate(points)
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    p = np.round(p, 12)
+    waves = np.sin(9 * p[:, 0]) * np.sin(8 * p[:, 1] + 1) * np.sin(7 * p[:, 2] + 2)
+    return p * radius * (1 + bumps * waves)[:, None], np.concatenate(triangles)
+
+
+def box(lo: tuple[float, float, float] = (0, 0, 0), hi: tuple[float, float, float] = (1, 1, 1)) -> Shape:
+    """A box of 12 triangles, wound outward."""
+    x = np.array([lo, hi], float)
+    points = np.array([[x[i, 0], x[j, 1], x[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return points, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+
+
+def joined(shapes: list[Shape]) -> Shape:
+    """Several meshes as one."""
+    starts = np.cumsum([0] + [len(p) for p, _ in shapes])
+    return (
+        np.concatenate([p for p, _ in shapes]),
+        np.concatenate([t + start for (_, t), start in zip(shapes, starts[:-1], strict=True)]),
+    )
+
+
+def model_of(folder: Path, *shapes: Shape, placements: list[Placement] | None = None, **extra: np.ndarray) -> Model:
+    """A model of one mesh per shape, each placed as it is unless `placements` says otherwise."""
+    write_model(folder / "model", [MeshView.of(p, t, **extra) for p, t in shapes], placements)
+    return open_model(folder / "model")
+
+
+def pieces_of(model: Model, **options: float) -> list[Piece]:
+    """All pieces of a model."""
+    return list(build_pieces(model, range(len(model.meshes)), DetailOptions(**options)))
+
+
+def original(model: Model, piece: Piece) -> Shape:
+    """The float64 triangles that a piece's finest level stands for (source faces must be numbered in order)."""
+    view = model.mesh(piece.mesh)
+    faces = piece.levels[0].source_faces
+    assert faces is not None
+    rows = np.searchsorted(view.source_faces, faces)
+    return np.asarray(view.positions), np.asarray(view.triangles)[rows].astype(np.int64)
+
+
+def level_mesh(piece: Piece, level: int) -> Shape:
+    """A level's float64 positions in local units, and triangles."""
+    return piece.levels[level].positions * piece.scale, piece.levels[level].triangles.astype(np.int64)

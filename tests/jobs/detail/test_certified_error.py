@@ -1,0 +1,148 @@
+"""The stored error is never below what sampling finds, and not far above it on smooth surfaces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jobs.detail.closest import closest, make_surface
+from jobs.detail.hausdorff import hausdorff_bound, one_sided_bound
+from tests.jobs.detail.sampling import distances, measured, sample
+from tests.jobs.detail.shapes import Shape, box, grid, joined, level_mesh, model_of, original, pieces_of, sphere, torus
+
+ROUNDING = 1 + 1e-9
+
+
+def noise(n: int, height: float) -> np.ndarray:
+    return np.random.default_rng(5).random((n, n)) * height
+
+
+def waves(n: int) -> np.ndarray:
+    x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing="ij")
+    return 0.1 * np.sin(9 * x) * np.cos(7 * y)
+
+
+def slivers() -> Shape:
+    """A fan of needles around a ring of very thin strips."""
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    ring = np.stack([np.cos(angle), np.sin(angle), 0.05 * np.sin(5 * angle)], axis=1)
+    points = np.concatenate([[[0, 0, 0.0]], ring, ring * 1.00002 + [0, 0, 1e-5]])
+    a = np.arange(200)
+    b = (a + 1) % 200
+    fan = np.stack([0 * a, 1 + a, 1 + b], axis=1)
+    strip = np.concatenate([np.stack([1 + a, 201 + a, 201 + b], 1), np.stack([1 + a, 201 + b, 1 + b], 1)])
+    return points, np.concatenate([fan, strip])
+
+
+SHAPES = {
+    "box": lambda: box(),
+    "sphere": lambda: sphere(14),
+    "bumpy sphere": lambda: sphere(20, bumps=0.1),
+    "torus": lambda: torus(),
+    "open waves": lambda: grid(30, waves(30)),
+    "noisy terrain": lambda: grid(30, noise(30, 0.1)),
+    "flat sheet": lambda: grid(30, np.zeros((30, 30))),
+    "slivers": slivers,
+    "boxes that touch": lambda: joined([box((i, 0, 0), (i + 1, 1, 1)) for i in range(4)]),
+    "a sheet seen from both sides": lambda: joined([grid(12, waves(12)), (grid(12, waves(12))[0], grid(12, waves(12))[1][:, ::-1])]),
+}
+SMOOTH = ("sphere", "bumpy sphere", "torus", "open waves")
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("limit", [10_000, 400])
+def test_measured_error_is_below_the_stored_one(tmp_path: Path, name: str, limit: int) -> None:
+    model = model_of(tmp_path, SHAPES[name]())
+    rng = np.random.default_rng(1)
+    for piece in pieces_of(model, component_triangle_limit=limit):
+        errors = [level.error for level in piece.levels]
+        assert all(a < b for a, b in zip(errors, errors[1:], strict=False))
+        for k, level in enumerate(piece.levels):
+            found = measured(original(model, piece), level_mesh(piece, k), 3000, rng)
+            assert found <= level.error * ROUNDING
+            if name in SMOOTH and k > 0:
+                assert level.error <= 2 * found
+
+
+def test_chains_are_worth_having(tmp_path: Path) -> None:
+    """Each level about half of the one before, down to a few triangles; errors far below the size until near the end."""
+    (piece,) = pieces_of(model_of(tmp_path, sphere(28)))
+    counts = [len(level.triangles) for level in piece.levels]
+    assert counts[0] == 12 * 28**2
+    assert len(counts) >= 9
+    assert counts[-1] <= 20
+    assert all(b <= 0.75 * a for a, b in zip(counts, counts[1:], strict=False))
+    # a sphere of n triangles is off by about 2.4 / n at best; half of that is what snug placement inside and out gives
+    assert piece.levels[3].error < 4 * 2.4 / counts[3]
+
+
+def test_sheets_keep_their_rim(tmp_path: Path) -> None:
+    """A flat sheet, one-sided or with a back of its own, shrinks to a few triangles and loses nothing."""
+    points, triangles = grid(20, np.zeros((20, 20)))
+    for shape in ((points, triangles), joined([(points, triangles), (points, triangles[:, ::-1])])):
+        folder = tmp_path / str(len(shape[1]))
+        folder.mkdir()
+        (piece,) = pieces_of(model_of(folder, shape))
+        assert len(piece.levels[-1].triangles) <= len(triangles) / 8
+        assert piece.levels[-1].error < 1e-5
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 40), st.sampled_from([1.0, 1e-3, 1e-6]))
+def test_bound_holds_between_random_soups(seed: int, m: int, k: int, flatness: float) -> None:
+    rng = np.random.default_rng(seed)
+    scale = np.array([1.0, 1.0, flatness]) * 1e5
+    a = (rng.random((3 * m, 3)) * scale, np.arange(3 * m).reshape(-1, 3).astype(np.int32))
+    b = (rng.random((3 * k, 3)) * scale, np.arange(3 * k).reshape(-1, 3).astype(np.int32))
+    bound, lower = hausdorff_bound(make_surface(*a), make_surface(*b), 0.0, 1.0, 1.1)
+    found = measured((a[0], a[1]), (b[0], b[1]), 300, rng)
+    assert found <= bound * ROUNDING + 1e-4
+    assert lower <= bound * ROUNDING
+    assert bound <= max(1.1 * lower, 1.0) * ROUNDING + 1e-3
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.booleans())
+def test_closest_triangle_agrees_with_trying_all(seed: int, m: int, flat: bool) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(-1000, 1000, (3 * m, 3)).astype(np.float64)
+    if flat:  # triangles without area are allowed: all corners on a line
+        points[:, 1:] = points[:, :1] * [2, -1]
+    triangles = np.arange(3 * m).reshape(-1, 3).astype(np.int32)
+    surface = make_surface(points, triangles)
+    queries = rng.uniform(-1500, 1500, (20, 3))
+    expected = distances(queries, points, triangles)
+    stack = np.empty(128, np.int32)
+    for query, distance in zip(queries, expected, strict=True):
+        _, squared = closest(surface.corners, surface.box, surface.child, stack, *query, 0)
+        assert np.sqrt(squared) == pytest.approx(distance, rel=1e-7, abs=1e-6)
+
+
+def test_bound_in_one_direction_is_not_the_other() -> None:
+    small = make_surface(np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    large = make_surface(np.array([[0, 0, 0], [90, 0, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    assert one_sided_bound(small, large, 1e-3, 1.1) <= 1e-3
+    assert 80 <= one_sided_bound(large, small, 1e-3, 1.1) <= 88
+
+
+def test_faces_that_lose_their_area_are_covered(tmp_path: Path) -> None:
+    """A spike thinner than a grid step is not drawn, but the error reaches to its tip."""
+    sheet = grid(8, np.zeros((8, 8)))
+    tip = len(sheet[0])
+    points = np.concatenate([sheet[0], [[0.0, 1 / 7, 0.5], [0.0, 1 / 7 + 1e-12, 0.0]]])
+    triangles = np.concatenate([sheet[1], [[1, tip + 1, tip]]])
+    model = model_of(tmp_path, (points, triangles), box((0, 0, -1), (1, 1, -0.5)))
+    sheet_piece = next(p for p in pieces_of(model) if p.mesh == 0)
+    assert len(sheet_piece.levels[0].triangles) == len(sheet[1])
+    assert all(0.5 <= level.error <= 0.6 for level in sheet_piece.levels[:1])
+
+
+def test_sampling_oracle_on_known_distances() -> None:
+    points, triangles = box()
+    queries = np.array([[0.5, 0.5, 3.0], [2, 2, 2], [0.5, 0.5, 0.25], [-1, 0.5, 0.5], [2, 2, 0.5]])
+    assert distances(queries, points, triangles) == pytest.approx([2, 3**0.5, 0.25, 1, 2**0.5])
+    assert distances(sample(points, triangles, 200, np.random.default_rng(0)), points, triangles).max() < 1e-12

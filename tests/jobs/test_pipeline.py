@@ -1,0 +1,213 @@
+"""Building a tiny store: what is in it, what is repeated, and that nothing but its input decides its bytes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from jobs.errors import WorkInUseError
+from jobs.executors import SerialExecutor
+from jobs.parameters import BuildParameters
+from jobs.pipeline import build
+from jobs.workplace import Workplace
+from storage import open_store
+from storage.errors import ModelError, ParameterError, StoreNotFoundError
+from tests.jobs.tiny_model import write_rooms
+
+PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3)
+
+
+@pytest.fixture(scope="session")
+def model(tmp_path_factory):
+    return write_rooms(tmp_path_factory.mktemp("model") / "rooms.obj", rooms=2)
+
+
+@pytest.fixture(scope="session")
+def built(model, tmp_path_factory):
+    """A finished store and its report."""
+    store = tmp_path_factory.mktemp("built") / "store"
+    return store, build([model], store, PARAMETERS, SerialExecutor())
+
+
+def shards(store):
+    return {path.name: path.read_bytes() for path in (store / "shards").iterdir()}
+
+
+def test_the_report_agrees_with_the_store(built):
+    path, report = built
+    store = open_store(path)
+    assert report.version == store.manifest.version == 1
+    assert report.counts == store.manifest.counts
+    assert report.counts["computed_cells"] == len(store.cells) > 20
+    assert report.counts["finest_triangles"] == report.model["triangles"]
+    assert report.bytes["total"] == sum(len(content) for content in shards(path).values())
+    assert [stage.name for stage in report.stages] == ["import", "detail", "tables", "cells", "layout", "shards"]
+    assert report.tasks_run == sum(stage.run for stage in report.stages) > 6
+    assert report.tasks_reused == 0
+    assert all(stage.peak_memory >= stage.peak_task_memory * 0.9 > 0 for stage in report.stages)
+    assert json.loads(report.to_text())["tasks_run"] == report.tasks_run
+    assert list(store.check()) == []
+
+
+def test_cells_tile_the_view_space(built):
+    path, _ = built
+    store = open_store(path)
+    model = store.manifest.model
+    rng = np.random.default_rng(1)
+    points = rng.uniform(model["lo"], model["hi"], (500, 3))
+    cells = store.cell_at(points)
+    assert (cells >= 0).all()
+    assert (store.cells["lo"][cells] <= points).all()
+    assert (points <= store.cells["hi"][cells]).all()
+
+
+def test_every_vlod_is_part_of_its_cut(built):
+    store = open_store(built[0])
+    for cell in range(len(store.cells)):
+        assert np.isin(store.vlod(cell), store.cut(cell)).all()
+
+
+def test_boxes_and_errors_hold_what_they_claim(built):
+    store = open_store(built[0])
+    for number, row in enumerate(store.drawables):
+        positions = store.mesh(number).positions
+        assert np.array_equal(positions.min(axis=0), row["lo"])
+        assert np.array_equal(positions.max(axis=0), row["hi"])
+        node = store.nodes[row["node"]]
+        assert (node["lo"] <= row["lo"]).all()
+        assert (node["hi"] >= row["hi"]).all()
+    for node in store.nodes:
+        levels = store.drawables[node["first_drawable"] : node["first_drawable"] + node["levels"]]
+        assert (np.diff(levels["error"]) > 0).all()
+
+
+def test_building_again_repeats_nothing_and_changes_nothing(model, built, tmp_path):
+    store, first = built
+    before, manifest = shards(store), (store / "manifest.json").read_bytes()
+    again = build([model], store, PARAMETERS, SerialExecutor())
+    assert again.tasks_run == 0
+    assert again.tasks_reused == first.tasks_run
+    assert again.version == 1
+    assert shards(store) == before
+    assert (store / "manifest.json").read_bytes() == manifest
+
+
+def test_another_place_gives_the_same_bytes(model, built, tmp_path):
+    moved = tmp_path / "elsewhere" / "rooms.obj"
+    moved.parent.mkdir()
+    moved.write_bytes(model.read_bytes())
+    build([moved], tmp_path / "store", PARAMETERS, SerialExecutor(), work=tmp_path / "work")
+    assert shards(tmp_path / "store") == shards(built[0])
+    assert (tmp_path / "store" / "manifest.json").read_bytes() == (built[0] / "manifest.json").read_bytes()
+    assert not (tmp_path / "store" / "work").exists()
+
+
+def test_other_parameters_repeat_only_what_depends_on_them(model, tmp_path):
+    store = tmp_path / "store"
+    build([model], store, PARAMETERS, SerialExecutor())
+    old = open_store(store)
+    report = build([model], store, dataclasses.replace(PARAMETERS, max_depth=1), SerialExecutor())
+    run = {stage.name: stage.run for stage in report.stages}
+    assert (run["import"], run["detail"], run["tables"]) == (0, 0, 0)
+    assert run["cells"] > 0
+    assert report.version == 2
+    assert open_store(store).cells["depth"].max() == 1
+    # The former version stays readable, and so does a store that was opened before.
+    assert len(open_store(store, version=1).cells) == len(old.cells)
+    assert list(old.check()) == []
+    assert all(len(old.vlod(cell)) == old.cells["drawables"][cell] for cell in range(len(old.cells)))
+
+
+def test_a_region_computes_only_cells_that_touch_it(model, built, tmp_path):
+    region = (0.5, 0.5, 0.5, 3.0, 3.0, 1.5)
+    view = tuple(open_store(built[0]).manifest.model["lo"] + open_store(built[0]).manifest.model["hi"])
+    parameters = dataclasses.replace(PARAMETERS, region=region, view_box=view)
+    build([model], tmp_path / "store", parameters, SerialExecutor())
+    cells = open_store(tmp_path / "store").cells
+    assert 0 < len(cells) < len(open_store(built[0]).cells)
+    assert (cells["lo"] <= region[3:]).all()
+    assert (cells["hi"] >= region[:3]).all()
+
+
+def test_cells_are_not_split_below_the_cell_size(model, tmp_path):
+    parameters = BuildParameters(triangles_per_cell=1, cell_size=3.0)
+    build([model], tmp_path / "store", parameters, SerialExecutor())
+    cells = open_store(tmp_path / "store").cells
+    edges = cells["hi"] - cells["lo"]
+    assert (edges >= 3.0).all()
+    assert (edges < 6.5).all()
+    assert cells["limited"].any()
+
+
+def test_a_lost_shard_is_made_again(model, tmp_path):
+    store = tmp_path / "store"
+    build([model], store, PARAMETERS, SerialExecutor())
+    whole = shards(store)
+    for name in sorted(whole)[::3]:
+        (store / "shards" / name).unlink()
+    report = build([model], store, PARAMETERS, SerialExecutor())
+    assert report.tasks_run > 0
+    assert shards(store) == whole
+
+
+def test_an_edited_model_is_built_anew(tmp_path):
+    model = write_rooms(tmp_path / "rooms.obj", rooms=1)
+    store = tmp_path / "store"
+    build([model], store, BuildParameters(), SerialExecutor())
+    write_rooms(model, rooms=2)
+    report = build([model], store, BuildParameters(), SerialExecutor())
+    assert report.version == 2
+    assert open_store(store).manifest.model["triangles"] == report.model["triangles"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"view_box": (0, 0, 0, 0, 1, 1)},
+        {"view_box": (0, 0, 0, float("nan"), 1, 1)},
+        {"region": (1, 1, 1, 0, 2, 2)},
+        {"triangles_per_cell": 0},
+        {"max_depth": -1},
+        {"max_depth": 99},
+        {"cell_size": 0.0},
+        {"pixel_error": -1.0},
+        {"up": "w"},
+    ],
+)
+def test_parameters_out_of_range(wrong):
+    with pytest.raises(ParameterError):
+        BuildParameters(**wrong)
+
+
+def test_a_region_outside_the_view_space(model, tmp_path):
+    with pytest.raises(ParameterError, match="region"):
+        build([model], tmp_path / "s", BuildParameters(region=(99, 99, 99, 100, 100, 100)), SerialExecutor())
+    with pytest.raises(StoreNotFoundError):
+        open_store(tmp_path / "s")
+
+
+def test_inputs_that_are_no_models(tmp_path):
+    with pytest.raises(ModelError, match=r"absent\.glb"):
+        build([tmp_path / "absent.glb"], tmp_path / "s", BuildParameters(), SerialExecutor())
+    (tmp_path / "text.obj").write_text("this is not a model\n")
+    with pytest.raises(ModelError, match=r"text\.obj"):
+        build([tmp_path / "text.obj"], tmp_path / "s", BuildParameters(), SerialExecutor())
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ModelError, match="empty"):
+        build([tmp_path / "empty"], tmp_path / "s", BuildParameters(), SerialExecutor())
+
+
+def test_two_builds_in_one_work_directory(model, tmp_path):
+    place = Workplace(tmp_path / "store" / "work", tmp_path / "store")
+    with place.locked(), pytest.raises(WorkInUseError, match="process"):
+        build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
+
+
+def test_a_store_cannot_replace_a_file(model, tmp_path):
+    (tmp_path / "store").write_text("something of the user's")
+    with pytest.raises(ParameterError, match="is a file"):
+        build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
+    assert (tmp_path / "store").read_text() == "something of the user's"

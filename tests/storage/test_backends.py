@@ -1,0 +1,181 @@
+"""One conformance suite for every place that a store can be read from."""
+
+import functools
+import http.server
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import fsspec
+import numpy as np
+import pytest
+
+from storage import open_store
+from storage.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.store import Store
+from tests.storage.tiny_store import make_store, room_parts
+
+
+class _Ranges(http.server.SimpleHTTPRequestHandler):
+    """Serves a folder and answers requests for ranges of bytes."""
+
+    def do_GET(self) -> None:
+        wanted = self.headers.get("Range")
+        path = Path(self.translate_path(self.path))
+        if wanted is None or not path.is_file():
+            super().do_GET()
+            return
+        first, last = wanted.removeprefix("bytes=").split("-")
+        content = path.read_bytes()[int(first) : int(last) + 1]
+        self.send_response(206)
+        self.send_header("Content-Range", f"bytes {first}-{last}/{path.stat().st_size}")
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, *_: object) -> None:
+        """Keeps quiet."""
+
+
+class _Plain(http.server.SimpleHTTPRequestHandler):
+    """Serves a folder and knows nothing of ranges."""
+
+    def log_message(self, *_: object) -> None:
+        """Keeps quiet."""
+
+
+def _served(folder: Path, handler: type) -> Iterator[str]:
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(handler, directory=str(folder)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    return make_store(tmp_path_factory.mktemp("store"), room_parts())
+
+
+BACKENDS = ("path", "string", "file", "memory", "http", "plain http")
+
+
+@pytest.fixture(params=BACKENDS)
+def place(request: pytest.FixtureRequest, original: Store, tmp_path: Path) -> Iterator[str | Path]:
+    """A copy of the store, at each kind of place."""
+    folder = tmp_path / "copy"
+    shutil.copytree(original.files.url, folder)
+    if request.param == "path":
+        yield folder
+    elif request.param == "string":
+        yield f"{folder}/"
+    elif request.param == "file":
+        yield folder.as_uri()
+    elif request.param == "memory":
+        memory = fsspec.filesystem("memory")
+        memory.put(str(folder), "/copy", recursive=True)
+        yield "memory://copy"
+        memory.rm("/copy", recursive=True)
+    else:
+        pytest.importorskip("aiohttp")
+        yield from _served(folder, _Ranges if request.param == "http" else _Plain)
+
+
+def test_the_same_is_read_everywhere(original: Store, place: str | Path) -> None:
+    store = open_store(place)
+    assert store.manifest == original.manifest
+    assert np.array_equal(store.cells, original.cells)
+    for cell in range(0, len(store.cells), 7):
+        assert np.array_equal(store.vlod(cell), original.vlod(cell))
+        for other in store.neighbours(cell):
+            for mine, theirs in zip(store.delta(cell, other), original.delta(cell, other), strict=True):
+                assert np.array_equal(mine, theirs)
+    for drawable in range(len(store.drawables)):
+        for mine, theirs in zip(store.mesh(drawable), original.mesh(drawable), strict=True):
+            assert np.array_equal(mine, theirs)
+    assert store.bytes_fetched > 0
+    assert not list(store.check())
+
+
+def test_a_missing_store_is_named(place: str | Path) -> None:
+    missing = f"{str(place).rstrip('/')}/nothing-here"
+    with pytest.raises(StoreNotFoundError, match=r"nothing-here: no manifest.json: not a vLOD store, or its build"):
+        open_store(missing)
+
+
+@pytest.mark.parametrize("scheme", ["path", "memory", "http"])
+def test_a_missing_shard_is_named(original: Store, tmp_path: Path, scheme: str) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(original.files.url, folder)
+    name = original.manifest.geometry["shards"][0][0]
+    (folder / "shards" / name).unlink()
+    places: dict[str, Callable[[], Iterator[str]]] = {
+        "path": lambda: iter([str(folder)]),
+        "memory": lambda: iter(["memory://holed"]),
+        "http": lambda: _served(folder, _Ranges),
+    }
+    if scheme == "memory":
+        fsspec.filesystem("memory").put(str(folder), "/holed", recursive=True)
+    if scheme == "http":
+        pytest.importorskip("aiohttp")
+    serving = places[scheme]()
+    store = open_store(next(serving))
+    with pytest.raises(CorruptStoreError, match=f"{name} is missing"):
+        store.mesh(0)
+    problems = list(store.check())
+    assert [problem.file for problem in problems] == [f"shards/{name}"]
+    assert list(serving) == []
+    if scheme == "memory":
+        fsspec.filesystem("memory").rm("/holed", recursive=True)
+
+
+def test_ranges_fetch_less_than_the_files(original: Store) -> None:
+    pytest.importorskip("aiohttp")
+    serving = _served(Path(original.files.url), _Ranges)
+    store = open_store(next(serving))
+    opened = store.bytes_fetched
+    store.mesh(0)
+    assert store.bytes_fetched - opened < sum(record.bytes for _, record in store.manifest.shards())
+    assert list(serving) == []
+
+
+def test_a_server_that_is_not_there() -> None:
+    pytest.importorskip("aiohttp")
+    with pytest.raises(StoreUnreachableError, match=r"http://127.0.0.1:9/none/manifest.json cannot be read"):
+        open_store("http://127.0.0.1:9/none")
+
+
+def test_http_without_aiohttp(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "aiohttp", None)
+    monkeypatch.delitem(sys.modules, "fsspec.implementations.http", raising=False)
+    loaded = sys.modules["fsspec.registry"]
+    monkeypatch.delitem(loaded._registry, "http", raising=False)
+    monkeypatch.delitem(loaded._registry, "https", raising=False)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'fsspec\[http\]'"):
+        open_store("http://127.0.0.1:9/never-reached")
+
+
+def test_addresses_that_make_no_sense() -> None:
+    with pytest.raises(StoreNotFoundError, match="is no address that can be opened"):
+        open_store("unheard-of://somewhere")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs unix permissions")
+def test_a_store_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(StoreUnreachableError, match=r"cannot be read: .*Permission denied"):
+        open_store(tmp_path)
+
+
+def test_a_file_is_no_store(tmp_path: Path) -> None:
+    file = tmp_path / "model.glb"
+    file.write_bytes(b"glTF")
+    with pytest.raises(StoreNotFoundError, match="not a vLOD store"):
+        open_store(file)

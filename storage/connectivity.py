@@ -240,15 +240,20 @@ def fulfil(differences: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray
 def make_local(names: NDArray[np.uint32], sizes: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Triangles (m, 3) of meshes one after the other, renumbered to count from each mesh's first vertex.
 
-    sizes: (k, 3), for each mesh anything, its vertices, its triangles; they must add up to m triangles.
+    sizes: (k, 3), for each mesh anything, its vertices, its triangles; they must add up to m triangles. Raises ValueError
+    where a triangle names another mesh's vertex.
     """
     out = np.empty_like(names)
     first = 0
     t = 0
     for mesh in range(len(sizes)):
+        end = first + int(sizes[mesh, 1])
         for _ in range(sizes[mesh, 2]):
             for k in range(3):
-                out[t, k] = names[t, k] - first
+                name = int(names[t, k])
+                if name < first or name >= end:
+                    raise ValueError("a triangle names another mesh's vertex")
+                out[t, k] = name - first
             t += 1
-        first += sizes[mesh, 1]
+        first = end
     return out

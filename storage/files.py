@@ -9,11 +9,12 @@ import os
 from pathlib import Path
 from threading import Lock
 from typing import Any
+from urllib.parse import unquote
 
 from storage.errors import MissingDependencyError, StoreNotFoundError, StoreUnreachableError
 
-#: Errors that fsspec's file systems raise for bad addresses and failing networks, beside OSError.
-_ASYNC_FAILURES = ("aiohttp", "asyncio", "botocore", "gcsfs", "adlfs", "yarl")
+#: Packages whose errors mean that the place cannot be reached: fsspec's file systems pass them on.
+_NETWORK_PACKAGES = ("aiohttp", "asyncio", "botocore", "gcsfs", "adlfs", "yarl")
 
 
 class Files:
@@ -30,7 +31,7 @@ class Files:
         self._folder: Path | None = None
         self._system: Any = None
         if self.url.startswith("file://"):
-            self._folder = Path(self.url.removeprefix("file://"))
+            self._folder = Path(unquote(self.url.removeprefix("file://")))
         elif "://" not in self.url and "::" not in self.url:
             self._folder = Path(self.url)
         else:
@@ -57,7 +58,7 @@ class Files:
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError) as error:
             raise StoreNotFoundError(f"{self.url}/{path} does not exist") from error
         except Exception as error:
-            if isinstance(error, OSError) or type(error).__module__.split(".")[0] in _ASYNC_FAILURES:
+            if isinstance(error, OSError) or type(error).__module__.split(".")[0] in _NETWORK_PACKAGES:
                 raise StoreUnreachableError(
                     f"{self.url}/{path} cannot be read: {error or type(error).__name__}"
                 ) from error

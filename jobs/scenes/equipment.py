@@ -255,28 +255,28 @@ def ladder(foot: Floats, height: float, degrees: float) -> Mesh:
     """A ladder from `foot` (3,) up; climbers look in direction `degrees`."""
     turn = turn_z(degrees)
     side = turn @ np.array([0.0, 0.22, 0.0])
-    posts = cylinders(
-        [foot - side, foot + side], [foot - side + (0, 0, height + 1.0), foot + side + (0, 0, height + 1.0)], 0.025, 8
-    )
-    z = np.arange(0.3, height, 0.3)
-    at = foot + np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=1)
-    rungs = cylinders(at - side, at + side, 0.012, 6)
-    return join([posts, rungs])
+    rungs = np.arange(0.3, height, 0.3)
+    at = foot + np.stack([np.zeros_like(rungs), np.zeros_like(rungs), rungs], axis=1)
+    top = vec(0, 0, height + 1.0)
+    starts = np.concatenate([[foot - side, foot + side], at - side])
+    ends = np.concatenate([[foot - side + top, foot + side + top], at + side])
+    return cylinders(starts, ends, np.where(np.arange(len(starts)) < 2, 0.025, 0.012), 8)
 
 
 def handrail(points: Floats) -> Mesh:
     """A railing with two rails, posts and a toe board along `points` (n, 3) at floor height."""
     first, last = points[:-1], points[1:]
     length = np.linalg.norm(last - first, axis=1)
-    rails = [cylinders(first + vec(0, 0, high), last + vec(0, 0, high), 0.021, 10) for high in (1.1, 0.55)]
     legs = zip(first, last, length.tolist(), strict=True)
     posts = [a + (b - a) * np.linspace(0.0, 1.0, max(2, round(long / 1.2) + 1))[:, None] for a, b, long in legs]
     at = np.unique(np.round(np.concatenate(posts), 6), axis=0)
-    uprights = cylinders(at, at + vec(0, 0, 1.1), 0.021, 10)
+    high, half = vec(0, 0, 1.1), vec(0, 0, 0.55)
+    starts = np.concatenate([first + high, first + half, at])
+    bars = cylinders(starts, np.concatenate([last + high, last + half, at + high]), 0.021, 10)
     middle = (first + last) / 2 + (0, 0, 0.07)
     halves = np.stack([np.full(len(first), 0.004), np.full(len(first), 0.06), length / 2], axis=1)
     toe = turned_boxes(middle, halves, frames_along(last - first))
-    return join([*rails, uprights, toe])
+    return join([bars, toe])
 
 
 def gallery(centre: Floats, radius: float, high: float) -> tuple[Mesh, Mesh]:

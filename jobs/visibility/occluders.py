@@ -332,7 +332,7 @@ def cover(
                             stored = np.float32(local[j, i] * DEPTH_UP)
                             pixels += 1
                             for b in range(first_band, limit[j, i]):
-                                depth[face, b, j, i] = min(depth[face, b, j, i], z)
+                                depth[face, b, j, i] = min(depth[face, b, j, i], stored)
     return cores, flooded, pixels
 
 
@@ -352,7 +352,7 @@ def _limit_by_edge(
     sweep: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band >= first_band whose inflated edge touches the pixel."""
+    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band >= first_band whose inflated edge touches them."""
     for band in range(bands.shape[0] - 1, first_band - 1, -1):
         touched = False
         n_sweeps = inflate_edge(q, a, b, face, resolution, bands[band], sweep)

@@ -123,7 +123,7 @@ class SingleDraws:
         """Draws everything."""
         if draws is not self._written:
             self._write_order(draws.records)
-            self._calls = list(_calls(draws))
+            self._calls = list(draw_calls(draws))
             self._written = draws
         self._order.use(1)
         first_record: Any = self.program["u_first"]
@@ -166,7 +166,7 @@ class SingleDraws:
         return array
 
 
-def _calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:
+def draw_calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:
     """Draw calls of a list: (slab, side, first index, indices, instances, first record)."""
     calls = []
     for batch in draws.batches:

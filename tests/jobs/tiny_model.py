@@ -15,9 +15,8 @@ def write_rooms(path: Path, rooms: int = 3, size: float = 4.0) -> Path:
     def box(name, lo, hi):
         nonlocal vertices
         lines.append(f"o {name}")
-        for number in range(8):
-            corner = [(lo, hi)[number >> axis & 1][axis] for axis in range(3)]
-            lines.append("v {:.6f} {:.6f} {:.6f}".format(*corner))
+        corners = [[(lo, hi)[number >> axis & 1][axis] for axis in range(3)] for number in range(8)]
+        lines.extend("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in corners)
         for face in BOX:
             lines.append("f " + " ".join(str(vertices + 1 + corner) for corner in face))
         vertices += 8

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-COMPONENTS = {5126: np.dtype("<f4"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
+COMPONENTS: dict[int, np.dtype[Any]] = {5126: np.dtype("<f4"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
 WIDTHS = {"SCALAR": 1, "VEC3": 3}
 
 
@@ -30,7 +30,7 @@ class Glb:
         accessor = self.json["accessors"][index]
         view = self.json["bufferViews"][accessor["bufferView"]]
         kind, width = COMPONENTS[accessor["componentType"]], WIDTHS[accessor["type"]]
-        values = np.frombuffer(self.data, kind, accessor["count"] * width, view["byteOffset"])
+        values: np.ndarray = np.frombuffer(self.data, kind, accessor["count"] * width, view["byteOffset"])
         return values.reshape(-1, width) if width > 1 else values
 
     def primitive(self, primitive: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -160,7 +160,7 @@ def read_path(file: str | os.PathLike[str]) -> CameraPath:
 
 
 def _numbers(content: dict[str, Any], key: str, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
-    what = f"{shape[0]} numbers" if shape else "a number"
+    what = f"{shape[0]} finite numbers" if shape else "a finite number"
     value = content.get(key)
     if not isinstance(value, list):
         raise PathError(f'{name}: "{key}" must be a list, {what} each')

@@ -43,6 +43,7 @@ class Voxels:
     """A model's coarse levels on a grid."""
 
     occupied: NDArray[np.bool_]  # (nx, ny, nz)
+    facing: NDArray[np.float32]  # (nx, ny, nz, 3) sum of the normals of what can be seen from one side only
     lo: Vector  # corner (3,) in model units
     size: float  # edge of a voxel in model units
 
@@ -91,21 +92,27 @@ def _voxelise(scene: Scene) -> Voxels:
     shape = np.ceil(extent / size).astype(np.int64) + 4
     lo = (scene.lo + scene.hi) / 2 - shape * size / 2
     occupied = np.zeros(tuple(shape.tolist()), np.bool_)
+    facing = np.zeros((*occupied.shape, 3), np.float32)
     for drawable in _coarse(scene, size / 2).tolist():
         mesh = scene.store.mesh(drawable)
-        mark_triangles(occupied, mesh.positions.astype(np.float64)[mesh.triangles], lo, size)
-    return Voxels(occupied, lo, size)
+        corners = mesh.positions.astype(np.float64)[mesh.triangles]
+        mark_triangles(occupied, facing, corners, bool(scene.store.drawables["one_sided"][drawable]), lo, size)
+    return Voxels(occupied, facing, lo, size)
 
 
 def _coarser(voxels: Voxels, factor: int) -> Voxels:
     """Voxels `factor` times as large, occupied where any of the small ones is."""
     if factor < 2:
         return voxels
-    small = voxels.occupied
-    padded = np.pad(small, [(0, -length % factor) for length in small.shape])
-    x, y, z = (length // factor for length in padded.shape)
-    occupied = padded.reshape(x, factor, y, factor, z, factor).any(axis=(1, 3, 5))
-    return Voxels(np.ascontiguousarray(occupied), voxels.lo, voxels.size * factor)
+    margins = [(0, -length % factor) for length in voxels.occupied.shape]
+    occupied, facing = np.pad(voxels.occupied, margins), np.pad(voxels.facing, [*margins, (0, 0)])
+    x, y, z = (length // factor for length in occupied.shape)
+    return Voxels(
+        occupied.reshape(x, factor, y, factor, z, factor).any(axis=(1, 3, 5)),
+        facing.reshape(x, factor, y, factor, z, factor, 3).sum(axis=(1, 3, 5)),
+        voxels.lo,
+        voxels.size * factor,
+    )
 
 
 def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
@@ -167,7 +174,7 @@ def _region(scene: Scene, voxels: Voxels, eyes: float) -> _Region | None:
             places = places[computed]
     if not len(places):
         return None
-    around = enclosure(occupied, places, _horizontal(up))
+    around = enclosure(occupied, voxels.facing, places, _horizontal(up))
     at = tuple(places.T)
     above = free_run(occupied, up, 1)[at] >= 0
     interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)

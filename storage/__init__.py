@@ -7,8 +7,13 @@ Read in this order:
     store       opening a store and reading from it
     writer      writing one
     manifest    versions, and what makes a directory a store
-    frames      shards: immutable files of checksummed frames
-    geometry    packs of meshes; mesh_order: the order that they compress well in
+    frames      shards: immutable files of checksummed frames; columns: tables as frames
+    geometry    packs of meshes, made of
+                mesh_order    the order that meshes compress well in
+                connectivity  triangles as a byte each, and what they foretell of positions
+                wedges        vertices that share a position
+                normals       unit vectors as two small integers
+                planes        arrays as byte planes
     deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell
     files       local and remote files; cache: what was decoded last
     errors      everything that can go wrong, as one tree

@@ -240,8 +240,8 @@ def fulfil(differences: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray
 def make_local(names: NDArray[np.uint32], sizes: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Triangles (m, 3) of meshes one after the other, renumbered to count from each mesh's first vertex.
 
-    sizes: (k, 3), for each mesh anything, its vertices, its triangles; they must add up to m triangles. Raises ValueError
-    where a triangle names another mesh's vertex.
+    sizes: (k, 3), for each mesh anything, its vertices, its triangles; they must add up to m triangles.
+    Raises ValueError where a triangle names another mesh's vertex.
     """
     out = np.empty_like(names)
     first = 0

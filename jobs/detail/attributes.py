@@ -114,7 +114,9 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
             _, v, w = closest_weights(finest.corners, hint, p[0], p[1], p[2])
             f = 3 * finest.source[hint]
             for i in range(4):
-                mixed = (1.0 - v - w) * finest_colours[f, i] + v * finest_colours[f + 1, i] + w * finest_colours[f + 2, i]
+                mixed = (
+                    (1.0 - v - w) * finest_colours[f, i] + v * finest_colours[f + 1, i] + w * finest_colours[f + 2, i]
+                )
                 colours[3 * t + e, i] = np.uint8(min(max(np.floor(mixed + 0.5), 0.0), 255.0))
     first = np.full((len(level.points), 4), -1, np.int32)  # up to four colours' first corners per vertex
     vertex = np.empty(3 * m, np.int32)

@@ -288,4 +288,6 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
             corners[s, i] = a
             corners[s, 3 + i] = points[triangles[t, 1], i] - a
             corners[s, 6 + i] = points[triangles[t, 2], i] - a
-    return Surface(points, ordered, order, twins(ordered), corners, prisms(corners), box[:nodes].copy(), child[:nodes].copy())
+    return Surface(
+        points, ordered, order, twins(ordered), corners, prisms(corners), box[:nodes].copy(), child[:nodes].copy()
+    )

@@ -358,7 +358,9 @@ def directed_bound(
                 continue
             bottom = top
             if cut:
-                top, n, onward = _part_along_edges(planes, twin, k, polygon, n, side, rest, other, stack, sizes, hints, top)
+                top, n, onward = _part_along_edges(
+                    planes, twin, k, polygon, n, side, rest, other, stack, sizes, hints, top
+                )
                 for s in range(bottom, top):
                     walks[s] = 0
                 if top > bottom or not look_up:

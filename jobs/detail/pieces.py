@@ -51,7 +51,9 @@ class DetailOptions:
 
     def __post_init__(self) -> None:
         if self.component_triangle_limit < FEWEST:
-            raise ParameterError(f"component_triangle_limit must be at least {FEWEST}, not {self.component_triangle_limit}")
+            raise ParameterError(
+                f"component_triangle_limit must be at least {FEWEST}, not {self.component_triangle_limit}"
+            )
         if not 0.0 <= self.crease_angle <= 180.0:
             raise ParameterError(f"crease_angle must be from 0 to 180 degrees, not {self.crease_angle}")
         if self.triangles_per_chunk < 1:
@@ -161,9 +163,7 @@ def _batch_pieces(model: Model, batch: list[int], options: DetailOptions) -> Ite
     if len(triangles) == 0:
         return
     source_faces = np.concatenate([view.source_faces for view in views])
-    grid_points, displacement = snapped(
-        np.concatenate([view.positions for view in views]), scales[mesh_of_vertex]
-    )
+    grid_points, displacement = snapped(np.concatenate([view.positions for view in views]), scales[mesh_of_vertex])
     objects = find_objects(grid_points, mesh_of_vertex, triangles, options.component_triangle_limit)
     pieces = len(objects.start) - 1
     if pieces == 0:
@@ -228,7 +228,9 @@ def _dressed(level: CoarseLevel, finest: Surface, colours: np.ndarray, crease: f
     else:
         own_colours = sampled_colours(level.surface, finest, colours)
     whole = np.array([0, len(triangles)])
-    positions, vertex_normals, vertex_colours, indices, _ = build_vertices(points, triangles, whole, shading, own_colours)
+    positions, vertex_normals, vertex_colours, indices, _ = build_vertices(
+        points, triangles, whole, shading, own_colours
+    )
     axes, angles = normal_cones(normals, whole)
     return Level(
         positions, indices, vertex_normals, vertex_colours, None, level.error * scale, axes[0], float(angles[0])

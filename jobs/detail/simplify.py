@@ -19,7 +19,7 @@ import fast_simplification
 import numpy as np
 from numba import njit
 
-from jobs.objects.weld import NON_MANIFOLD, OPEN, is_degenerate, mix, table_size, weld
+from jobs.objects.weld import OPEN, is_degenerate, mix, table_size, weld
 
 #: Two triangles whose normals have a cosine below this turn back on themselves: their edge is a rim.
 FOLD = -0.9

@@ -187,21 +187,17 @@ def _block_tour(block: Block, westwards: bool) -> list[tuple[float, float]]:
     """
     low, high = WALKING_LINE, BLOCK - WALKING_LINE
     start, end = (high, low) if westwards else (low, high)
-    points = [(start, low)]
-    sides = [b for b in block.buildings if b.flipped == westwards]
-    if sides:
-        building = sides[0]
-        room = building.rooms[0]
-        door = building.place(0.0, building.middle)[1]
-        inside = [
-            (1.5, building.middle),
-            (room.door, building.middle),
-            (room.door, room.strip),
-            (room.door, building.middle),
-        ]
-        inside += [(building.width - 1.5, building.middle), (1.5, building.middle)]
-        points += [(start, door), *(building.place(*spot) for spot in inside), (start, door), (start, low)]
-    return [*points, (end, low)]
+    if not block.buildings:
+        return [(start, low), (end, low)]
+    building = min(block.buildings, key=lambda each: each.flipped != westwards)
+    side = high if building.flipped else low
+    door = building.place(0.0, building.middle)[1]
+    room = building.rooms[0]
+    inside = [(1.5, building.middle), (room.door, building.middle), (room.door, room.strip)]
+    inside += [(room.door, building.middle), (building.width - 1.5, building.middle), (1.5, building.middle)]
+    points = [(start, low), (side, low), (side, door), *(building.place(*spot) for spot in inside)]
+    points += [(side, door), (side, low), (end, low)]
+    return [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
 
 
 def build(stage: Stage, triangles: int, seed: int) -> None:

@@ -1,8 +1,9 @@
 """From-region visibility: what can be seen from anywhere in a view cell.
 
 Read in this order: `topology` (welding, edges, clusters), `soup` (the triangles of many drawables as one set of
-arrays), `cube_faces` (the image: projecting boxes, triangles and inflated edges), `occluders` (flooded occluder sets
-drawn into depth buffers), `occludees` (which clusters and triangles are hidden), `item_buffer` (what is proven
-visible), `engine` (one cell, from a cut to its visible ids and certificate). Only `engine` and `soup` are called from
-outside; the others are kernels: pure functions from arrays to arrays.
+arrays), `cube_faces` (the image: projecting boxes, triangles and inflated edges), `flood` (from a core to an occluder
+set), `occluders` (occluder sets drawn into depth buffers), `occludees` (which clusters and triangles are hidden),
+`back_faces` (whole drawables that turn their backs), `item_buffer` (what is proven visible), `engine` (one cell, from
+a cut to its visible ids and certificate). Only `engine` and `soup` are called from outside; the others are kernels:
+pure functions from arrays to arrays.
 """

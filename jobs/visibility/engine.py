@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.visibility import back_faces, item_buffer, occludees, occluders
+from jobs.visibility.flood import Mesh
 from jobs.visibility.soup import Soup
 
 #: The corners of the cell, those of a tetrahedron first.
@@ -110,10 +111,12 @@ class Engine:
         farthest = float(np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]])).max()) if len(in_cut) else 2.0
         bands = depth_bands(self.settings.depth_bands, farthest)
         self._depth.fill(np.inf)
+        mesh = Mesh(
+            self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses
+        )  # fmt: skip
         occluders.cover(
-            self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
-            soup.cluster_start, order, cluster_lo, cluster_hi,
-            soup.cluster_breadth / half.min(), bands, self.settings.largest_flooded_set, self._depth,
+            mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), bands,
+            self.settings.largest_flooded_set, self._depth,
         )  # fmt: skip
         seen = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,

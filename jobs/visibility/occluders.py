@@ -33,16 +33,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from jobs.visibility.cube_faces import (
-    NEAR,
-    box_image,
-    clip_triangle,
-    inflate_edge,
-    inverse_depth_plane,
-    strip_extent,
-    sweep_range,
-    to_face,
-)
+from jobs.visibility.cube_faces import clip_triangle, inflate_edge, inverse_depth_plane, strip_extent, sweep_range
+from jobs.visibility.flood import Mesh, core_window, flood_from, grow_core
 from jobs.visibility.occludees import box_hidden
 
 #: Stored depths are rounded up by this factor: more than float32's rounding.
@@ -99,13 +91,7 @@ def to_cell_coordinates(vertices: np.ndarray, centre: np.ndarray, half: np.ndarr
 
 @njit(cache=True, nogil=True)
 def cover(
-    q: np.ndarray,
-    side: np.ndarray,
-    usable: np.ndarray,
-    triangles: np.ndarray,
-    triangle_edges: np.ndarray,
-    edge_start: np.ndarray,
-    edge_uses: np.ndarray,
+    mesh: Mesh,
     cluster_start: np.ndarray,
     cluster_order: np.ndarray,
     cluster_lo: np.ndarray,
@@ -118,10 +104,7 @@ def cover(
     """Draw the occlusion of all usable triangles, nearest clusters first, into the depth buffers.
 
     Args:
-        q: (n, 3) float64 vertices in cell coordinates.
-        side: (m,) int8 from `find_sides`.
-        usable: (m,) bool, triangles that may occlude; side != 0 for each of them.
-        triangles, triangle_edges: (m, 3) int32; edge_start, edge_uses: see `topology.edges`.
+        mesh: the triangles; side != 0 for each usable one.
         cluster_start: (k + 1,) int32: cluster c holds triangles cluster_start[c] ... cluster_start[c + 1] - 1.
         cluster_order: (a,) int64 the clusters to use as cores, nearest first.
         cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates.
@@ -134,206 +117,80 @@ def cover(
     Returns:
         (cores drawn, triangles flooded, pixels covered): counts for profiling.
     """
-    m = triangles.shape[0]
-    bands_n = bands.shape[0]
+    m = mesh.triangles.shape[0]
     resolution = depth.shape[2]
     cored = np.zeros(m, np.bool_)
     seen = np.zeros(m, np.int32)
     epoch = 0
-    core = np.empty(m + 1, np.int32)
-    flood = np.empty(largest_set + 4, np.int32)
-    drawn = np.empty(largest_set + 4, np.int32)
-    images = np.empty((3, 4), np.float64)
-    half = 0.5 * resolution
-    unsafe = np.empty((3 * (largest_set + 4), 2), np.int32)
+    core = np.empty(m, np.int32)
+    flood = np.empty(largest_set, np.int32)
+    drawn = np.empty(largest_set, np.int32)
+    unsafe = np.empty((3 * largest_set, 2), np.int32)
     polygon = np.empty((4, 2), np.float64)
     sweep = np.empty((2, 8), np.float64)
     limit = np.empty((resolution, resolution), np.uint8)
-    local = np.empty((resolution, resolution), np.float64)
+    deepest = np.empty((resolution, resolution), np.float64)
     inside = np.empty((resolution, resolution), np.bool_)
-    cores = 0
-    flooded = 0
-    pixels = 0
+    cores, flooded, pixels = 0, 0, 0
     for c in cluster_order:
         if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c], bands):
             continue
         if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, True):
             continue
         for seed in range(cluster_start[c], cluster_start[c + 1]):
-            if cored[seed] or not usable[seed]:
+            if cored[seed] or not mesh.usable[seed]:
                 continue
-            # the core: what hangs together by safe edges inside the cluster
-            n_core = 1
-            core[0] = seed
-            cored[seed] = True
-            head = 0
-            while head < n_core:
-                t = core[head]
-                head += 1
-                for i in range(3):
-                    e = triangle_edges[t, i]
-                    mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
-                    for j in range(edge_start[e], edge_start[e + 1]):
-                        other = edge_uses[j] >> 1
-                        if (
-                            cluster_start[c] <= other < cluster_start[c + 1]
-                            and not cored[other]
-                            and usable[other]
-                            and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine
-                        ):
-                            cored[other] = True
-                            core[n_core] = other
-                            n_core += 1
+            n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], cored, core)
             for face in range(6):
-                u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
-                core_near = np.inf
-                for k in range(n_core):
-                    t = core[k]
-                    n, near, _ = clip_triangle(
-                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution, polygon
-                    )
-                    if n:
-                        core_near = min(core_near, near)
-                    for i in range(n):
-                        u0 = min(u0, polygon[i, 0])
-                        u1 = max(u1, polygon[i, 0])
-                        v0 = min(v0, polygon[i, 1])
-                        v1 = max(v1, polygon[i, 1])
-                if not (u0 < resolution and v0 < resolution and u1 > 0 and v1 > 0):
+                found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
+                if not found:
                     continue
-                # pixels whose centres may be covered
-                i0 = max(int(np.ceil(u0 - 0.5)), 0)
-                i1 = min(int(np.floor(u1 - 0.5)), resolution - 1)
-                j0 = max(int(np.ceil(v0 - 0.5)), 0)
-                j1 = min(int(np.floor(v1 - 0.5)), resolution - 1)
-                if i0 > i1 or j0 > j1:
-                    continue
-                epoch += 1
-                n_flood = 0
-                for k in range(n_core):
-                    if n_flood < largest_set:
-                        flood[n_flood] = core[k]
-                        seen[core[k]] = epoch
-                        n_flood += 1
-                n_unsafe = 0
-                n_drawn = 0
                 # what lies behind the core is deeper than it: bands that end before are of no use
                 first_band = 0
-                while bands[first_band] <= core_near:
+                while bands[first_band] <= near:
                     first_band += 1
-                swallowed = False
-                window_u0, window_u1, window_v0, window_v1 = float(i0), i1 + 1.0, float(j0), j1 + 1.0
-                head = 0
-                while head < n_flood and not swallowed:
-                    t = flood[head]
-                    head += 1
-                    ahead = True
-                    least_u, most_u, least_v, most_v = np.inf, -np.inf, np.inf, -np.inf
-                    for i in range(3):
-                        u, v, z = to_face(q, triangles[t, i], face)
-                        if z < NEAR:
-                            ahead = False
-                            break
-                        images[i, 0], images[i, 1], images[i, 2], images[i, 3] = box_image(u, v, z, 1.0, half)
-                        least_u, most_u = min(least_u, u / z), max(most_u, u / z)
-                        least_v, most_v = min(least_v, v / z), max(most_v, v / z)
-                    if (
-                        not ahead
-                        or (
-                            least_u * half + half - 1e-3 <= window_u1 and most_u * half + half + 1e-3 >= window_u0
-                            and least_v * half + half - 1e-3 <= window_v1 and most_v * half + half + 1e-3 >= window_v0
-                        )
-                    ):  # fmt: skip
-                        drawn[n_drawn] = t
-                        n_drawn += 1
-                    for i in range(3):
-                        k = (i + 1) % 3
-                        a, b = triangles[t, i], triangles[t, k]
-                        touches = False
-                        if ahead:
-                            for side_of_rectangle in range(4):
-                                sweep[0, side_of_rectangle] = images[i, side_of_rectangle]
-                                sweep[0, 4 + side_of_rectangle] = images[k, side_of_rectangle]
-                            n_sweeps = 1
-                        else:
-                            n_sweeps = inflate_edge(q, a, b, face, resolution, np.inf, sweep)
-                        for k in range(n_sweeps):
-                            if (
-                                min(sweep[k, 0], sweep[k, 4]) > window_u1 or max(sweep[k, 1], sweep[k, 5]) < window_u0
-                                or min(sweep[k, 2], sweep[k, 6]) > window_v1
-                                or max(sweep[k, 3], sweep[k, 7]) < window_v0
-                            ):  # fmt: skip
-                                continue
-                            t0, t1 = sweep_range(sweep[k], window_u0, window_u1, window_v0, window_v1)
-                            if t0 <= t1:
-                                touches = True
-                        if not touches:
-                            continue
-                        e = triangle_edges[t, i]
-                        mine = side[t] if a < b else -side[t]
-                        partner = -1
-                        for j in range(edge_start[e], edge_start[e + 1]):
-                            other = edge_uses[j] >> 1
-                            if usable[other] and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine:
-                                if seen[other] == epoch:
-                                    partner = other
-                                    break
-                                if partner < 0:
-                                    partner = other
-                        if partner >= 0 and seen[partner] != epoch:
-                            if n_flood < largest_set:
-                                flood[n_flood] = partner
-                                seen[partner] = epoch
-                                n_flood += 1
-                            else:
-                                partner = -1
-                        if partner < 0:
-                            unsafe[n_unsafe, 0] = a
-                            unsafe[n_unsafe, 1] = b
-                            n_unsafe += 1
-                            n_sweeps = inflate_edge(q, a, b, face, resolution, bands[first_band], sweep)
-                            for k in range(2 * n_sweeps):
-                                s = sweep[k >> 1, 4 * (k & 1) : 4 * (k & 1) + 4]
-                                if s[0] <= i0 and s[1] >= i1 + 1 and s[2] <= j0 and s[3] >= j1 + 1:
-                                    swallowed = True
+                epoch += 1
+                n_flood, n_drawn, n_unsafe = flood_from(
+                    mesh, core, n_core, face, resolution, bands[first_band], i0, i1, j0, j1,
+                    epoch, seen, flood, drawn, unsafe,
+                )  # fmt: skip
                 flooded += n_flood
                 cores += 1
-                if swallowed:
+                if n_drawn == 0:
                     continue
-                # the depth band from which on a pixel is unsafe
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
-                        limit[j, i] = bands_n
-                        local[j, i] = 0.0
+                        limit[j, i] = bands.shape[0]
+                        deepest[j, i] = 0.0
                         inside[j, i] = False
                 for k in range(n_unsafe):
                     _limit_by_edge(
-                        q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band, i0, i1, j0, j1, sweep, limit
-                    )
-                alive = False
-                for j in range(j0, j1 + 1):
-                    for i in range(i0, i1 + 1):
-                        if limit[j, i] > first_band:
-                            alive = True
-                            break
-                    if alive:
-                        break
-                if not alive:
+                        mesh.q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band,
+                        i0, i1, j0, j1, sweep, limit,
+                    )  # fmt: skip
+                if not _any_above(limit, first_band, i0, i1, j0, j1):
                     continue
                 for k in range(n_drawn):
-                    t = drawn[k]
-                    _draw_triangle(
-                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, local, inside,
-                    )  # fmt: skip
+                    a, b, e = mesh.triangles[drawn[k]]
+                    _draw_triangle(mesh.q, a, b, e, face, resolution, i0, i1, j0, j1, polygon, deepest, inside)
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
                         if inside[j, i] and limit[j, i] > first_band:
-                            stored = np.float32(local[j, i] * DEPTH_UP)
+                            stored = np.float32(deepest[j, i] * DEPTH_UP)
                             pixels += 1
-                            for b in range(first_band, limit[j, i]):
-                                depth[face, b, j, i] = min(depth[face, b, j, i], stored)
+                            for band in range(first_band, limit[j, i]):
+                                depth[face, band, j, i] = min(depth[face, band, j, i], stored)
     return cores, flooded, pixels
+
+
+@njit(cache=True, nogil=True)
+def _any_above(limit: np.ndarray, least: int, i0: int, i1: int, j0: int, j1: int) -> bool:
+    """Whether any value in the window [j0, j1] x [i0, i1] is above `least`."""
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if limit[j, i] > least:
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -392,10 +249,10 @@ def _draw_triangle(
     j0: int,
     j1: int,
     polygon: np.ndarray,
-    local: np.ndarray,
+    deepest: np.ndarray,
     inside: np.ndarray,
 ) -> None:
-    """Mark the pixels whose centres the triangle covers; raise `local` to its largest depth in all it touches."""
+    """Mark the pixels whose centres the triangle covers; raise `deepest` to its largest depth in all it touches."""
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
         return
@@ -425,7 +282,7 @@ def _draw_triangle(
                 w = pa * (i + 0.5) + pb * (j + 0.5) + pc - spread
                 if w * far > 1.0:
                     z = 1.0 / w * (1.0 + 1e-9)
-            local[j, i] = max(local[j, i], z)
+            deepest[j, i] = max(deepest[j, i], z)
             if middle_left <= i + 0.5 <= middle_right:
                 inside[j, i] = True
 

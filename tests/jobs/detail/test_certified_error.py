@@ -48,7 +48,9 @@ SHAPES = {
     "flat sheet": lambda: grid(30, np.zeros((30, 30))),
     "slivers": slivers,
     "boxes that touch": lambda: joined([box((i, 0, 0), (i + 1, 1, 1)) for i in range(4)]),
-    "a sheet seen from both sides": lambda: joined([grid(12, waves(12)), (grid(12, waves(12))[0], grid(12, waves(12))[1][:, ::-1])]),
+    "a sheet seen from both sides": lambda: joined(
+        [grid(12, waves(12)), (grid(12, waves(12))[0], grid(12, waves(12))[1][:, ::-1])]
+    ),
 }
 SMOOTH = ("sphere", "bumpy sphere", "torus", "open waves")
 

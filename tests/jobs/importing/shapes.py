@@ -118,7 +118,9 @@ class Glb:
         header = {**self.header, "buffers": [{"byteLength": len(self.data)}]}
         text = json.dumps({key: value for key, value in header.items() if value != []}).encode()
         text += b" " * (-len(text) % 4)
-        chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(self.data), b"BIN\0") + self.data
+        chunks = (
+            struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(self.data), b"BIN\0") + self.data
+        )
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
     def write(self, path: Path) -> Path:

@@ -196,7 +196,12 @@ def test_a_missing_or_damaged_model_is_one_clear_line(tmp_path):
     write_model(tmp_path / "m", [MeshView.of(positions, triangles)])
     with pytest.raises(ModelError, match="there is no imported model"):
         open_model(tmp_path / "other")
-    for name, content in (("model.json", b"{"), ("positions.npy", b"abc"), ("meshes.npy", b""), ("parts.npy", b"\x93NUMPY")):
+    for name, content in (
+        ("model.json", b"{"),
+        ("positions.npy", b"abc"),
+        ("meshes.npy", b""),
+        ("parts.npy", b"\x93NUMPY"),
+    ):
         shutil.copytree(tmp_path / "m", tmp_path / name)
         (tmp_path / name / name).write_bytes(content)
         with pytest.raises(ModelError, match="import the files again"):

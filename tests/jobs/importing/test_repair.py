@@ -50,7 +50,9 @@ def test_each_defect_is_counted_once_under_its_own_name():
 
 def test_duplicates_are_told_by_position_not_by_index():
     positions, triangles = box()
-    doubled = SourceMesh("a", np.concatenate([positions, positions]), np.concatenate([triangles, triangles[:, ::-1] + 8]))
+    doubled = SourceMesh(
+        "a", np.concatenate([positions, positions]), np.concatenate([triangles, triangles[:, ::-1] + 8])
+    )
     mesh, counts = repair(doubled)
     assert counts == {Defect.REVERSED: 12}
     assert len(mesh.positions) == 8

@@ -1,0 +1,101 @@
+"""Stored against measured errors of all levels of real models: at least 100,000 points a model, in both directions.
+
+    python tests/benchmarks/measure_errors.py [--points N] [--json FILE] [MODEL ...]
+
+Needs the environment variable VLOD_MODELS. Exits with 1 if any measured distance is above the stored error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jobs.detail.pieces import DetailOptions, build_pieces
+from jobs.importing.model import import_model, open_model
+from tests.jobs.detail.sampling import distances, sample
+from tests.jobs.detail.shapes import level_mesh, original
+
+MODELS = {
+    "mid_conference": "mid_conference/conference.obj",
+    "mid_hospital": "mid_hospital/hospital_three_floors.glb",
+    "small_willowgarage": "small_willowgarage/willowgarage_visual.dae",
+    "mid_lost_empire": "mid_lost_empire/lost_empire.obj",
+    "cad_sportscar": "cad_sportscar/sportsCar.obj",
+}
+#: Errors below this many grid steps are rounding, not simplification: left out of the ratios.
+ROUNDING_STEPS = 8
+
+
+def measure(file: Path, points: int, seed: int = 1) -> dict[str, Any]:
+    """Import a model, build its pieces, and sample all their levels with about `points` points in each direction."""
+    with tempfile.TemporaryDirectory() as folder:
+        import_model([file], Path(folder) / "model")
+        model = open_model(Path(folder) / "model")
+        pieces = list(build_pieces(model, range(len(model.meshes)), DetailOptions()))
+        total = sum(len(level.triangles) for piece in pieces for level in piece.levels)
+        rng = np.random.default_rng(seed)
+        taken, above, worst, ratios, weights = 0, 0, 0.0, [], []
+        for piece in pieces:
+            surface = original(model, piece)
+            for k, level in enumerate(piece.levels):
+                count = 8 + points * len(level.triangles) // total
+                mesh = level_mesh(piece, k)
+                there, back = sample(*surface, count, rng), sample(*mesh, count, rng)
+                found = float(max(distances(there, *mesh).max(), distances(back, *surface).max()))
+                taken += len(there)
+                rounding = 1e-12 * float(np.abs(surface[0]).max())
+                above += found > level.error + rounding
+                worst = max(worst, found / level.error if level.error > rounding else 0.0)
+                if k > 0 and level.error > ROUNDING_STEPS * piece.scale:
+                    ratios.append(level.error / max(found, 1e-300))
+                    weights.append(len(level.triangles))
+    order = np.argsort(ratios)
+    cumulated = np.cumsum(np.array(weights)[order])
+    quantile = {
+        share: float(np.array(ratios)[order][np.searchsorted(cumulated, share * cumulated[-1])]) if len(ratios) else 1.0
+        for share in (0.5, 0.9)
+    }
+    return {
+        "pieces": len(pieces),
+        "levels": sum(len(piece.levels) for piece in pieces),
+        "points_each_way": taken,
+        "measured_above_stored": above,
+        "largest_measured_over_stored": worst,
+        "stored_over_measured_median": quantile[0.5],
+        "stored_over_measured_90_percent": quantile[0.9],
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("models", nargs="*", default=list(MODELS), metavar="MODEL")
+    parser.add_argument("--points", type=int, default=110_000, help="in each direction, for each model")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    root = Path(os.environ["VLOD_MODELS"])
+    results = {}
+    print(
+        f"{'model':20} {'pieces':>7} {'levels':>7} {'points':>8} {'above':>6} {'max m/s':>8} {'s/m 50%':>8} {'s/m 90%':>8}"
+    )
+    for name in arguments.models:
+        results[name] = r = measure(root / MODELS[name], arguments.points)
+        print(
+            f"{name:20} {r['pieces']:7} {r['levels']:7} {r['points_each_way']:8} {r['measured_above_stored']:6} "
+            f"{r['largest_measured_over_stored']:8.4f} {r['stored_over_measured_median']:8.3f} "
+            f"{r['stored_over_measured_90_percent']:8.3f}",
+            flush=True,
+        )
+    if arguments.json:
+        arguments.json.write_text(json.dumps(results, indent=1, sort_keys=True))
+    return int(any(r["measured_above_stored"] for r in results.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

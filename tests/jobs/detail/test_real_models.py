@@ -1,0 +1,23 @@
+"""Certified errors on real models: see tests/benchmarks/measure_errors.py for the table."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks.measure_errors import MODELS, measure
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif("VLOD_MODELS" not in os.environ, reason="VLOD_MODELS does not name a folder of real models"),
+]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_measured_errors_of_real_models_are_below_the_stored_ones(name: str) -> None:
+    result = measure(Path(os.environ["VLOD_MODELS"]) / MODELS[name], points=30_000)
+    assert result["measured_above_stored"] == 0
+    assert result["points_each_way"] >= 30_000
+    assert result["stored_over_measured_median"] < 2

@@ -1,0 +1,150 @@
+"""Welding, components, closedness, and splitting."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jobs.objects.components import components, outward_closed
+from jobs.objects.find import find_objects
+from jobs.objects.split import median_split
+from jobs.objects.weld import NON_MANIFOLD, OPEN, degenerate_triangles, is_degenerate, twins, weld
+
+BOX = np.array([[x, y, z] for x in (0, 8) for y in (0, 8) for z in (0, 8)], np.int32)
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+BOX_TRIANGLES = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))], np.int32)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 200), st.integers(1, 12))
+def test_weld_numbers_distinct_positions_by_first_use(seed: int, n: int, spread: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(-spread, spread, (n, 3)).astype(np.int32) * np.int32(2**20)
+    group = rng.integers(0, 2, n).astype(np.int32)
+    ids, first = weld(points, group)
+    seen: dict[tuple[int, ...], int] = {}
+    for i in range(n):
+        expected = seen.setdefault((*points[i].tolist(), int(group[i])), len(seen))
+        assert ids[i] == expected
+        assert ids[first[expected]] == expected
+    assert len(first) == len(seen)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 120), st.integers(3, 150))
+def test_components_agree_with_scipy(seed: int, m: int, n: int) -> None:
+    triangles = np.random.default_rng(seed).integers(0, n, (m, 3)).astype(np.int32)
+    label, count = components(triangles, n)
+    a, b = np.concatenate([triangles[:, :2], triangles[:, 1:]]).T
+    _, expected = connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)
+    pairs = set(zip(label.tolist(), expected[triangles[:, 0]].tolist(), strict=True))
+    assert len(pairs) == count == len({p for p, _ in pairs}) == len({q for _, q in pairs})
+    assert label[np.unique(label, return_index=True)[1]].tolist() == list(range(count))
+
+
+def test_twins_pair_opposite_half_edges_only() -> None:
+    twin = twins(BOX_TRIANGLES)
+    assert (twin >= 0).all()
+    assert (twin[twin] == np.arange(36)).all()
+    fan = np.array([[0, 1, 2], [1, 0, 3], [1, 0, 4]], np.int32)
+    assert twins(fan)[[0, 3, 6]].tolist() == [NON_MANIFOLD] * 3
+    assert twins(fan)[1] == OPEN
+    same_way = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
+    assert twins(same_way)[[0, 3]].tolist() == [NON_MANIFOLD] * 2
+
+
+def test_degenerate_is_exact() -> None:
+    far = 2**23
+    points = np.array([[-far, -far, -far], [far, far, far], [0, 0, 0], [1, 0, 0]], np.int32)
+    assert is_degenerate(points, 0, 1, 2)
+    assert not is_degenerate(points, 0, 1, 3)
+    assert degenerate_triangles(points, np.array([[0, 1, 2], [0, 1, 3], [2, 2, 3]], np.int32)).tolist() == [
+        True,
+        False,
+        True,
+    ]
+
+
+def closed(points: np.ndarray, triangles: np.ndarray) -> bool:
+    return bool(outward_closed(points, triangles, twins(triangles), np.array([0, len(triangles)]))[0])
+
+
+def test_outward_closed() -> None:
+    assert closed(BOX, BOX_TRIANGLES)
+    assert not closed(BOX, BOX_TRIANGLES[:, ::-1].copy())
+    assert not closed(BOX, BOX_TRIANGLES[1:])
+    one_turned = BOX_TRIANGLES.copy()
+    one_turned[0] = one_turned[0, ::-1]
+    assert not closed(BOX, one_turned)
+    # a box turned inside out that touches a larger proper one in a corner: positive volume, but not one-sided
+    both = np.concatenate([BOX * 4, BOX + 32])
+    triangles = np.concatenate([BOX_TRIANGLES, BOX_TRIANGLES[:, ::-1] + 8]).astype(np.int32)
+    ids, first = weld(both.astype(np.int32), np.zeros(16, np.int32))
+    assert len(first) == 15
+    assert not closed(both[first].astype(np.int32), ids[triangles])
+
+
+def test_find_objects_keeps_meshes_and_boxes_apart() -> None:
+    count = 50
+    points = np.concatenate([BOX + np.int32(100 * i) for i in range(count)] + [BOX])
+    mesh = np.repeat(np.arange(count + 1, dtype=np.int32) // count, 8)
+    triangles = np.concatenate([BOX_TRIANGLES.astype(np.int64) + 8 * i for i in range(count + 1)])
+    shuffled = np.random.default_rng(0).permutation(len(triangles))
+    objects = find_objects(points, mesh, triangles[shuffled], 100)
+    assert np.diff(objects.start).tolist() == [12] * (count + 1)
+    assert objects.outward.all()
+    assert not objects.split.any()
+    assert not objects.cut.any()
+    assert (points[triangles[shuffled][objects.source]] == objects.points[objects.triangles]).all()
+    for p in range(count + 1):
+        assert (np.diff(objects.source[objects.start[p] : objects.start[p + 1]]) > 0).all()
+
+
+def test_find_objects_splits_large_ones_along_edges() -> None:
+    n = 40
+    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    points = np.stack([x.ravel() * 3, y.ravel() * 2, 0 * x.ravel()], axis=1).astype(np.int32)
+    i = np.arange(n * n).reshape(n, n)
+    a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    points = np.concatenate([points, BOX + 1000])
+    triangles = np.concatenate([triangles, BOX_TRIANGLES + n * n])
+    objects = find_objects(points, np.zeros(len(points), np.int32), triangles, 500)
+    assert np.diff(objects.start).max() <= 500
+    assert len(objects.start) - 1 == 9
+    assert objects.split.tolist() == [True] * 8 + [False]
+    assert sorted(objects.source.tolist()) == list(range(len(triangles)))
+    uses = np.zeros(len(objects.points), int)
+    for p in range(9):
+        uses[np.unique(objects.triangles[objects.start[p] : objects.start[p + 1]])] += 1
+    assert (objects.cut == (uses > 1)).all()
+    # half-edges pair inside pieces only, and across pieces in the whole component
+    piece = np.repeat(np.arange(9), np.diff(objects.start))
+    paired = np.flatnonzero(objects.twin >= 0)
+    assert (piece[paired // 3] == piece[objects.twin[paired] // 3]).all()
+    crossing = (objects.twin < 0) & (objects.whole_twin >= 0)
+    assert crossing.any()
+    assert objects.cut[objects.triangles.reshape(-1)[crossing]].all()
+
+
+def test_find_objects_drops_what_has_no_area() -> None:
+    line = np.array([[0, 0, 0], [5, 5, 5], [9, 9, 9]], np.int32)
+    points = np.concatenate([BOX, line + 50, [[4, 4, 8]]]).astype(np.int32)
+    spike = [[1, 7, 11]]  # a diagonal of the top face and the middle of it
+    triangles = np.concatenate([BOX_TRIANGLES, [[8, 9, 10]], spike]).astype(np.int64)
+    objects = find_objects(points, np.zeros(len(points), np.int32), triangles, 100)
+    assert np.diff(objects.start).tolist() == [12]
+    assert objects.flat_source.tolist() == [13]
+    assert objects.flat_component.tolist() == objects.component.tolist()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.integers(1, 40))
+def test_median_split_parts_everything(seed: int, m: int, limit: int) -> None:
+    parts = median_split(np.random.default_rng(seed).integers(0, 9, (m, 3)), limit)
+    assert max(len(p) for p in parts) <= limit
+    assert sorted(np.concatenate(parts).tolist()) == list(range(m))
+    assert all((np.diff(p) > 0).all() for p in parts)

@@ -1,0 +1,131 @@
+"""Strategies against their definitions: the cell's vLOD, the cut for the eye, everything."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from player.scene import scene_of
+from player.strategies.frustum import Frustum
+from player.strategies.none import NoCulling
+from player.strategies.strategy import Strategy
+from player.strategies.vlod import Vlod
+from player.view import boxes_in_frustum
+from storage.detail import choose_levels
+from storage.store import Store
+from tests.player.conftest import inside_view, view_from
+
+
+def _all_strategies(store: Store) -> list[Strategy]:
+    scene = scene_of(store)
+    return [
+        Vlod(scene, pixel_error=1, wait=True),
+        Frustum(scene, pixel_error=1),
+        NoCulling(scene, pixel_error=1),
+    ]
+
+
+def test_every_strategy_gives_sorted_ids_of_one_level_a_node(odd_room: Store) -> None:
+    rng = np.random.default_rng(0)
+    for strategy in _all_strategies(odd_room):
+        for _ in range(30):
+            position = tuple(rng.uniform([-1, -1, -0.5], [9, 7, 4]))
+            choice = strategy.choose(view_from(position, tuple(rng.normal(size=3))))
+            assert np.all(np.diff(choice.drawables) > 0)
+            nodes = odd_room.drawables["node"][choice.drawables]
+            assert len(set(nodes.tolist())) == len(nodes)
+            ahead = strategy.ahead(view_from(position, (1, 0, 0)), np.array([0.1, 0, 0]))
+            assert ahead is None or len(set(ahead.tolist())) == len(ahead)
+        strategy.close()
+
+
+def test_vlod_is_the_cells_list_within_the_frustum(odd_room: Store) -> None:
+    scene = scene_of(odd_room)
+    strategy = Vlod(scene, pixel_error=1, wait=True)
+    rng = np.random.default_rng(1)
+    cells = set()
+    for _ in range(60):
+        position = rng.uniform([0, 0, 0], [8, 6, 3])
+        view = view_from(tuple(position), tuple(rng.normal(size=3)))
+        choice = strategy.choose(view)
+        cell = int(odd_room.cell_at(position[None])[0])
+        assert choice.cell == cell
+        assert choice.computed == (cell >= 0)
+        if cell >= 0:
+            ids = odd_room.vlod(cell)
+            box = odd_room.drawables[ids]
+            assert np.array_equal(choice.drawables, ids[boxes_in_frustum(view, box["lo"], box["hi"])])
+        strategy.ahead(view, np.zeros(3))
+        cells.add(cell)
+    assert len(cells) > 10
+
+
+def test_outside_computed_cells_vlod_falls_back_to_the_frustum(odd_room: Store) -> None:
+    scene = scene_of(odd_room)
+    view = view_from((-40, -30, 2), (40, 30, 0))
+    found = Vlod(scene, pixel_error=1, wait=True).choose(view)
+    assert not found.computed
+    assert found.cell == -1
+    assert np.array_equal(found.drawables, Frustum(scene, pixel_error=1).choose(view).drawables)
+    assert len(found.drawables)
+
+
+def test_frustum_is_the_cut_for_the_eye(room: Store) -> None:
+    view = inside_view()
+    inside = boxes_in_frustum(view, room.nodes["lo"], room.nodes["hi"])
+    eye = view.position
+    expected = choose_levels(room.nodes[inside], room.drawables, eye, eye, room.manifest.pixel_angle, 2.0)
+    assert np.array_equal(Frustum(scene_of(room), pixel_error=2.0).choose(view).drawables, expected)
+
+
+def test_none_is_the_finest_level_of_everything(room: Store) -> None:
+    ids = NoCulling(scene_of(room), pixel_error=9).choose(inside_view()).drawables
+    assert len(ids) == len(room.nodes)
+    assert (room.drawables["level"][ids] == 0).all()
+
+
+def test_more_allowed_error_means_fewer_triangles(room: Store) -> None:
+    strategy = Vlod(scene_of(room), pixel_error=1, wait=True)
+    view = inside_view()
+    triangles = []
+    for error in (0.01, 1.0, 64.0, 1000.0):
+        strategy.pixel_error = error
+        triangles.append(int(room.drawables["triangles"][strategy.choose(view).drawables].sum()))
+    assert triangles == sorted(triangles, reverse=True)
+    assert triangles[-1] < triangles[0]
+
+
+def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:
+    strategy = Vlod(scene_of(room), pixel_error=1, wait=False)
+    try:
+        view = inside_view()
+        first = strategy.choose(view)
+        assert len(first.drawables)  # the frustum's, meanwhile
+        deadline = time.monotonic() + 20
+        while not strategy.choose(view).computed and time.monotonic() < deadline:
+            strategy.ahead(view, np.zeros(3))
+            time.sleep(0.005)
+        assert strategy.choose(view).computed
+    finally:
+        strategy.close()
+
+
+def test_what_lies_ahead_comes_before_what_lies_behind(odd_room: Store) -> None:
+    strategy = Vlod(scene_of(odd_room), pixel_error=1, wait=True)
+    view = view_from((2.8, 3, 1), (1, 0, 0))  # beyond x = 3, cells see everything
+    own = strategy.choose(view_from((2.8, 3, 1), (1, 0, 0)))
+    ahead = strategy.ahead(view, np.array([0.2, 0, 0]))
+    assert ahead is not None
+    cell_list = odd_room.vlod(own.cell)
+    assert set(ahead[: len(cell_list)].tolist()) == set(cell_list.tolist())
+    assert len(ahead) > len(cell_list)
+    assert strategy.ahead(view, np.array([0.2, 0, 0])) is None
+
+
+def test_store_without_cells_is_played_by_the_frustum(room: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "cell_at", lambda points: np.full(len(points), -1))
+    choice = Vlod(scene_of(room), pixel_error=1, wait=True).choose(inside_view())
+    assert len(choice.drawables)
+    assert not choice.computed

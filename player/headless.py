@@ -114,11 +114,13 @@ def play(
     settings: Settings,
     *,
     frames: Path | None = None,
+    keep: list[Picture] | None = None,
     compare: bool = False,
     progress: Progress | None = None,
 ) -> Report:
     """Renders `path`, writes the pictures into the directory `frames`, and returns the report.
 
+    keep: gets the pictures too, alpha included.
     compare: also compares each frame with the full model; the worst frame's pair and the difference go to `frames` too.
     progress: called with (frames done, frames in all).
     """
@@ -139,6 +141,8 @@ def play(
         }
         if frames is not None:
             save(frames / name, frame.picture)
+        if keep is not None:
+            keep.append(frame.picture)
         if frame.difference is not None:
             row["compare"] = asdict(frame.difference)
             if worst is None or _badness(frame) > _badness(worst):

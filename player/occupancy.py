@@ -141,8 +141,8 @@ def enclosure(
 ) -> NDArray[np.float32]:  # pragma: no cover - compiled
     """For each of the voxels (n, 3): the part of the directions (k, 3), unit vectors, in which something can be seen.
 
-    That is an occupied voxel, unless all that it holds turns its back: facing as in `mark_triangles`. So the inside of a
-    solid is not taken for a room.
+    That is an occupied voxel, unless all that it holds turns its back: facing as in `mark_triangles`. So the inside of
+    a solid is not taken for a room.
     """
     result = np.zeros(len(voxels), np.float32)
     for n in range(len(voxels)):

@@ -167,9 +167,7 @@ def _numbers(content: dict[str, Any], key: str, shape: tuple[int, ...], name: st
     for index, item in enumerate(value):
         items = item if isinstance(item, list) and shape else [item]
         if (shape and len(items) != shape[0]) or not all(_finite(number) for number in items):
-            raise PathError(
-                f'{name}: "{key}"[{index}] must be {"finite " if not shape else ""}{what}, not {str(item)[:60]}'
-            )
+            raise PathError(f'{name}: "{key}"[{index}] must be {what}, not {str(item)[:60]}')
     return np.array(value, np.float64).reshape(-1, *shape)
 
 

@@ -20,7 +20,7 @@ from player.scene import Scene
 from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
 
 #: Voxels in the grid.
-_VOXELS = 3_000_000
+_VOXELS = 2_000_000
 
 #: Voxels from the floor to a walker's eyes at which ways are still found well.
 _VOXELS_HIGH = 8
@@ -108,7 +108,7 @@ def _coarser(voxels: Voxels, factor: int) -> Voxels:
     occupied, facing = np.pad(voxels.occupied, margins), np.pad(voxels.facing, [*margins, (0, 0)])
     x, y, z = (length // factor for length in occupied.shape)
     return Voxels(
-        occupied.reshape(x, factor, y, factor, z, factor).any(axis=(1, 3, 5)),
+        np.asarray(occupied.reshape(x, factor, y, factor, z, factor).any(axis=(1, 3, 5))),
         facing.reshape(x, factor, y, factor, z, factor, 3).sum(axis=(1, 3, 5)),
         voxels.lo,
         voxels.size * factor,

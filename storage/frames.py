@@ -167,10 +167,11 @@ class ShardReader:
         self.record = record
         self._read = read
         self._index: np.ndarray | None = None
+        self._whole: bytes | None = None  # of a shard so small that it came with its index
 
     @property
     def index(self) -> np.ndarray:
-        """The shard's FRAME records; read on first use, in one or two requests."""
+        """The shard's FRAME records; read on first use, in one or two requests. A small shard comes whole with it."""
         if self._index is None:
             size = self.record.bytes
             start = max(0, size - TAIL_READ)
@@ -186,6 +187,8 @@ class ShardReader:
             index = end[len(end) - TAIL_BYTES - length : -TAIL_BYTES]
             if _index_checksum(index) != end[-24:-8]:
                 raise self._corrupt("its index does not match its checksum")
+            if start == 0:
+                self._whole = end
             self._index = np.frombuffer(index, FRAME)
         return self._index
 
@@ -198,7 +201,8 @@ class ShardReader:
         if entry["kind"] != kind:
             raise self._corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
         start = int(entry["offset"])
-        payload = self._range(start, start + int(entry["bytes"]))
+        end = start + int(entry["bytes"])
+        payload = self._range(start, end) if self._whole is None else self._whole[start:end]
         if checksum(payload) != int(entry["checksum"]):
             raise self._corrupt(f"frame {number} does not match its checksum")
         return payload

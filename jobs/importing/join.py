@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from jobs.importing.repair import FARTHEST, repair
-from jobs.importing.saved import IDENTITY, MeshView, Placement, cofactors
+from jobs.importing.saved import IDENTITY, MeshView, Placement
 from jobs.importing.scene import Defect, SourceScene, Tally, compose
 from storage.errors import ModelError, ParameterError
 
@@ -50,6 +50,9 @@ _TO_Y_UP = {
 
 #: A placement that flattens to below this share of the product of its columns' lengths has no inverse.
 _SINGULAR = 1e-12
+
+#: A placement that shrinks below this has none either.
+_SHORTEST = 1e-30
 
 
 def metres_per_unit(units: str | float) -> float:
@@ -125,32 +128,30 @@ def _add_scene(
                 tally.add(defect, name, count * times)
         if mesh is None:
             continue
-        low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-        for number in users[index]:
-            node = scene.nodes[number]
-            matrix = node.matrix if frame is IDENTITY else compose(frame, node.matrix)
-            flaw = _flaw(matrix, low, high)
-            if flaw is None:
-                placed[number] = Placement(len(meshes), prefix + node.name, matrix)
+        nodes = [scene.nodes[number] for number in users[index]]
+        matrices = [node.matrix if frame is IDENTITY else compose(frame, node.matrix) for node in nodes]
+        flaws = _flaws(np.stack(matrices), mesh.positions.min(axis=0), mesh.positions.max(axis=0))
+        misplaced, flat = (flaw.tolist() for flaw in flaws)
+        for at, (number, node) in enumerate(zip(users[index], nodes, strict=True)):
+            if misplaced[at] or flat[at]:
+                tally.add(Defect.MISPLACED if misplaced[at] else Defect.SINGULAR, prefix + node.name)
             else:
-                tally.add(flaw, prefix + node.name)
+                placed[number] = Placement(len(meshes), prefix + node.name, matrices[at])
         meshes.append(mesh)
     placements.extend(placed[number] for number in sorted(placed))
 
 
-def _flaw(matrix: np.ndarray, low: np.ndarray, high: np.ndarray) -> Defect | None:
-    """Why a matrix cannot place a mesh with that box."""
-    if matrix is IDENTITY:
-        return None
-    reach = np.abs(matrix[:, :3]) @ np.maximum(np.abs(low), np.abs(high)) + np.abs(matrix[:, 3])
-    if not (np.isfinite(matrix).all() and (reach <= FARTHEST).all()):
-        return Defect.MISPLACED
-    size = np.sqrt((matrix[0, :3] ** 2 + matrix[1, :3] ** 2) + matrix[2, :3] ** 2)
-    if not (size > 1e-30).all():
-        return Defect.SINGULAR
-    unit = np.column_stack([matrix[:, :3] / size, np.zeros(3)])
-    row = cofactors(unit)[0] * unit[0, :3]
-    return Defect.SINGULAR if abs((row[0] + row[1]) + row[2]) < _SINGULAR else None
+def _flaws(matrices: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which of some (k, 3, 4) matrices throw a mesh with that box out of reach, and which flatten it."""
+    linear = matrices[:, :, :3]
+    size = np.maximum(np.abs(low), np.abs(high))
+    x, y, z = (np.abs(linear[:, :, axis]) * size[axis] for axis in range(3))
+    reach = ((x + y) + z) + np.abs(matrices[:, :, 3])
+    misplaced = ~(np.isfinite(matrices).all(axis=(1, 2)) & (reach <= FARTHEST).all(axis=1))
+    lengths = np.sqrt((linear[:, 0] ** 2 + linear[:, 1] ** 2) + linear[:, 2] ** 2)
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(linear / np.where(lengths > 0, lengths, 1.0)[:, None, :], 0, 2)
+    volume = (a * (e * i - f * h) + b * (f * g - d * i)) + c * (d * h - e * g)
+    return misplaced, ~misplaced & ~((np.abs(volume) >= _SINGULAR) & (lengths > _SHORTEST).all(axis=1))
 
 
 def _frame(scale: float, up: str, target: str) -> np.ndarray:

@@ -55,6 +55,20 @@ def test_one_frame_is_one_request_after_the_index(tmp_path: Path) -> None:
     assert asked == [TAIL_READ, 50_000, 50_000]
 
 
+def test_a_small_shard_is_one_request(tmp_path: Path) -> None:
+    record = write_shard(tmp_path, FRAMES)
+    content = (tmp_path / "shards" / record.name).read_bytes()
+    asked: list[int] = []
+
+    def read(start: int, end: int) -> bytes:
+        asked.append(end - start)
+        return content[start:end]
+
+    reader = ShardReader(record, read)
+    assert [reader.frame(i, kind) for i, (kind, _) in enumerate(FRAMES)] == [payload for _, payload in FRAMES]
+    assert asked == [record.bytes]
+
+
 def test_an_index_larger_than_the_first_request(tmp_path: Path) -> None:
     count = 2 * TAIL_READ // FRAME.itemsize
     record = write_shard(tmp_path, ((Kind.TABLE, b"%d" % i) for i in range(count)))

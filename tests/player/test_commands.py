@@ -1,0 +1,95 @@
+"""The commands as a user types them: exit codes, one-line errors, files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from player.path import read_path
+from storage.store import Store
+from tests.player.conftest import store_path
+
+VLOD = Path(sys.executable).with_name("vlod")
+
+
+def vlod(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Runs `vlod` without a display."""
+    base = {"PATH": "/usr/bin:/bin", "HOME": "/tmp", **environment}
+    return subprocess.run(
+        [str(VLOD), *map(str, arguments)], capture_output=True, text=True, check=False, env=base, timeout=300
+    )
+
+
+@pytest.mark.parametrize("command", ["play", "path"])
+def test_help_shows_an_example(command: str) -> None:
+    done = vlod(command, "--help")
+    assert done.returncode == 0
+    assert "Example" in done.stdout
+
+
+def test_a_tour_is_made_and_rendered(room: Store, tmp_path: Path, context: object) -> None:
+    store, tour = store_path(room), tmp_path / "tour.json"
+    done = vlod("path", store, "-o", tour, "--frames", 5)
+    assert done.returncode == 0, done.stderr
+    assert "5 poses" in done.stdout
+    assert len(read_path(tour)) == 5
+    done = vlod(
+        "play", store, "--headless", "--path", tour, "--frames", tmp_path / "frames", "--report", tmp_path / "r.json",
+        "--size", "64x36", "--compare", "none", "--strategy", "vlod",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "passed; 0 hole pixels" in done.stdout
+    assert len(list((tmp_path / "frames").glob("frame_*.png"))) == 5
+    content = json.loads((tmp_path / "r.json").read_text())
+    assert content["screen"]["field_of_view"] == room.manifest.parameters["field_of_view"]
+    done = vlod("play", store, "--headless", "--path", tour, "--json", "--size", "64x36", "--fps", "50", "--gl33")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["totals"]["frames"] == 9
+
+
+def test_a_tour_goes_to_standard_output(room: Store, tmp_path: Path) -> None:
+    done = vlod("path", store_path(room), "--frames", 3)
+    (tmp_path / "p.json").write_text(done.stdout)
+    assert len(read_path(tmp_path / "p.json")) == 3
+
+
+def test_without_a_display_headless_is_suggested(room: Store, tmp_path: Path) -> None:
+    tour = tmp_path / "t.json"
+    vlod("path", store_path(room), "-o", tour, "--frames", 2)
+    done = vlod("play", store_path(room), "--path", tour)
+    assert done.returncode == 2
+    assert "there is no display" in done.stderr
+    assert "--headless" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["--headless"], "nothing to do"),
+        (["--report", "r.json"], "--report needs --headless"),
+        (["--headless", "--json", "--size", "big"], "not a size"),
+        (["--headless", "--json", "--size", "0x9"], "not a size"),
+        (["--headless", "--json", "--cache", "lots"], "not a number of bytes"),
+        (["--headless", "--json", "--strategy", "magic"], "magic"),
+        (["--headless", "--json", "--path", "missing.json"], "missing.json: there is no such file"),
+    ],
+)
+def test_wrong_usage_exits_with_2(room: Store, arguments: list[str], what: str) -> None:
+    done = vlod("play", store_path(room), *arguments)
+    assert done.returncode == 2
+    assert what in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", ["play", "path"])
+def test_what_is_not_a_store_is_said_in_one_line(command: str, tmp_path: Path) -> None:
+    extra = ["--headless", "--json"] if command == "play" else []
+    done = vlod(command, tmp_path, *extra)
+    assert done.returncode == 2
+    assert str(tmp_path) in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -119,7 +119,9 @@ def _descendants(keys: list[int], bottom: int, parameters: CellParameters) -> li
 def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
     """The drawables that stand for the whole model in a cell."""
     lo, hi = parameters.octree.box(key)
-    return choose_levels(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, parameters.pixel_error)
+    # as the store will remember it, so that a reader of the store finds the very same cut
+    pixel_error = float(np.float32(parameters.pixel_error))
+    return choose_levels(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, pixel_error)
 
 
 def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> Soup:

@@ -104,9 +104,7 @@ def main() -> None:
         if row is not None:
             rows[name] = row
             arguments.out.write_text(json.dumps(rows, indent=1))
-    print(
-        "model, triangles | cells | missed | rays | tightness (triangles, drawables) | triangles a cell: cut, vLOD | build s"
-    )
+    print("model, triangles | cells | missed | rays | tightness: triangles, drawables | cut, vLOD of a cell | build s")
     for row in rows.values():
         checked = row["verify"]
         tight = checked["tightness"]

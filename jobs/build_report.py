@@ -16,7 +16,7 @@ class StageReport:
     run: int  # tasks that were run
     reused: int  # tasks that were finished before
     seconds: float  # from the stage's start to its end
-    task_seconds: float  # sum over its tasks, those finished before included, of the time that they took when they ran
+    core_seconds: float  # of processor time that all its tasks took when they ran, those finished before included
     peak_memory: int  # of this process and all its children on this machine together, in bytes
     peak_task_memory: int  # of the largest process that ran one of its tasks, in bytes
     shard_bytes: int  # of the shards that its tasks wrote, in bytes

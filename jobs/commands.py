@@ -7,6 +7,7 @@ command runs, so that help comes at once.
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,8 @@ def build(
     if report is not None:
         report.parent.mkdir(parents=True, exist_ok=True)
     parameters = BuildParameters(**options)
+    # What ends a job on a cluster is treated as the user's own interrupt: workers stop, what is finished is kept.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
     try:
         with progress_for() as progress:

@@ -267,7 +267,7 @@ def _stages(build: dict[str, Any]) -> str:
             f"{stage['run']:,}",
             f"{stage['reused']:,}",
             f"{stage['seconds']:.1f}",
-            f"{stage['task_seconds']:.1f}",
+            f"{stage['core_seconds']:.1f}",
             f"{stage['peak_memory'] / 2**20:,.0f} MiB",
             f"{stage['peak_task_memory'] / 2**20:,.0f} MiB",
             f"{stage['shard_bytes'] / 1e6:.1f} MB",

@@ -56,8 +56,7 @@ def build(
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{path} is a file: name a directory, new or of an earlier build")
     place.store.mkdir(parents=True, exist_ok=True)
-    with place.locked(), MemoryWatch() as watch:
-        place.clean()
+    with place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = _Run(place, executor, progress or Silent(), watch)
 
         imported = run.one(plan.import_task(inputs, parameters))
@@ -157,7 +156,7 @@ def _stage_report(stage: Stage, results: Sequence[TaskResult], seconds: float, p
         run=sum(not result.reused for result in results),
         reused=sum(result.reused for result in results),
         seconds=round(seconds, 3),
-        task_seconds=round(sum(result.seconds for result in results), 3),
+        core_seconds=round(sum(result.core_seconds for result in results), 3),
         peak_memory=peak,
         peak_task_memory=max((result.peak_memory for result in results), default=0),
         shard_bytes=sum(size for result in results for _, size in result.record.get("shards", ())),

@@ -13,6 +13,9 @@ from jobs.parameters import BuildParameters, ViewSpace
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
 
+#: Triangles of a detail task: some ten seconds of work.
+CHUNK_TRIANGLES = 150_000
+
 #: What a process of a job holds before it does anything (interpreter, numpy, compiled kernels), in bytes.
 PROCESS = 400 << 20
 
@@ -23,7 +26,7 @@ IMPORT_PER_BYTE = 20
 DETAIL_PER_TRIANGLE = 1500
 
 #: Bytes for each triangle of a cut while its cells are worked out.
-CELLS_PER_TRIANGLE = 500
+CELLS_PER_TRIANGLE = 900
 
 
 def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
@@ -42,7 +45,7 @@ def detail_tasks(place: Workplace, imported: TaskResult) -> Iterator[Task]:
     from jobs.detail.pieces import DetailOptions, plan_chunks
 
     model = stages.imported_model(place, imported.key)
-    options = DetailOptions()
+    options = DetailOptions(triangles_per_chunk=CHUNK_TRIANGLES)
     for meshes in plan_chunks(model, options):
         triangles = int(model.meshes["triangles"][meshes].sum())
         yield Task(

@@ -9,6 +9,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import signal
+import threading
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -173,6 +175,7 @@ class RayExecutor:
             os.environ.setdefault("RAY_AUTH_MODE", "disabled")
         import ray
 
+        handler = signal.getsignal(signal.SIGTERM)
         if not ray.is_initialized():
             quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
             try:
@@ -190,6 +193,9 @@ class RayExecutor:
                 where = self._address or "this machine"
                 raise ClusterError(f"no Ray cluster at {where}: {str(error).splitlines()[0]}") from None
             self._owns_ray = True
+            # Ray answers SIGTERM with a dump of its stack.
+            if threading.current_thread() is threading.main_thread():
+                signal.signal(signal.SIGTERM, handler)
         if self._address is not None and self._asked_workers is None:
             self.workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._largest_node = max(

@@ -91,6 +91,7 @@ class TaskResult:
     task: Task
     record: Json  # what the stage's function returned
     seconds: float  # that the work took, when it was done
+    core_seconds: float  # of processor time that it took
     peak_memory: int  # of the process that did it, in bytes
     reused: bool  # it was finished before
 
@@ -117,9 +118,9 @@ def find_finished(task: Task, place: Workplace) -> TaskResult | None:
         for name, size in saved["record"].get("shards", ()):
             if (place.store / "shards" / name).stat().st_size != size:
                 return None
-    except (OSError, ValueError, KeyError):
+        return TaskResult(task, **saved, reused=True)
+    except (OSError, ValueError, KeyError, TypeError):
         return None
-    return TaskResult(task, saved["record"], saved["seconds"], saved["peak_memory"], reused=True)
 
 
 def run_task(task: Task, place: Workplace) -> TaskResult:
@@ -136,17 +137,17 @@ def run_task(task: Task, place: Workplace) -> TaskResult:
     temporary = place.new_temporary(stage, key)
     try:
         reset_peak()
-        began = time.perf_counter()
+        began, core_began = time.perf_counter(), time.process_time()
         record = task.stage.load()(Assignment(place, temporary, task.payload, task.places))
-        seconds = time.perf_counter() - began
+        seconds, core_seconds = time.perf_counter() - began, time.process_time() - core_began
         peak = peak_memory()
-        saved = {"record": record, "seconds": round(seconds, 6), "peak_memory": peak}
+        saved = {"record": record, "seconds": seconds, "core_seconds": core_seconds, "peak_memory": peak}
         (temporary / RECORD).write_text(json.dumps(saved, sort_keys=True))
         place.publish(temporary, stage, key)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    return TaskResult(task, record, seconds, peak, reused=False)
+    return TaskResult(task, record, seconds, core_seconds, peak, reused=False)
 
 
 def _sources(module: str) -> list[Path]:

@@ -85,6 +85,15 @@ class Workplace:
             finally:
                 file.truncate(0)
 
+    @contextlib.contextmanager
+    def cleaned(self) -> Iterator[None]:
+        """Removes leftovers before and after: workers of a killed build may outlive it for a moment."""
+        self.clean()
+        try:
+            yield
+        finally:
+            self.clean()
+
     def clean(self) -> int:
         """Removes what killed tasks left behind; returns how many. What a living process writes stays."""
         removed = 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from player.view import Boxes, boxes_between
 from storage.store import Store
 
 
@@ -15,8 +16,7 @@ class Scene:
     """A store's model as the player sees it."""
 
     store: Store
-    node_lo: NDArray[np.float32]  # (nodes, 3), model units
-    node_hi: NDArray[np.float32]
+    node_boxes: Boxes
     drawable_lo: NDArray[np.float32]  # (drawables, 3), model units
     drawable_hi: NDArray[np.float32]
     node_of: NDArray[np.int64]  # (drawables,)
@@ -42,8 +42,7 @@ def scene_of(store: Store) -> Scene:
     nodes, drawables = store.nodes, store.drawables
     return Scene(
         store=store,
-        node_lo=np.ascontiguousarray(nodes["lo"]),
-        node_hi=np.ascontiguousarray(nodes["hi"]),
+        node_boxes=boxes_between(nodes["lo"], nodes["hi"]),
         drawable_lo=np.ascontiguousarray(drawables["lo"]),
         drawable_hi=np.ascontiguousarray(drawables["hi"]),
         node_of=drawables["node"].astype(np.int64),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -165,18 +166,27 @@ class View:
         return normalised(camera) @ self.rotation.T
 
 
-def boxes_in_frustum(view: View, lo: NDArray[np.float32], hi: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which boxes (n, 3), (n, 3) touch the view frustum: (n,) bool. Errs only towards True.
+class Boxes(NamedTuple):
+    """Axis-parallel boxes, laid out for the frustum test."""
+
+    centre: NDArray[np.float64]  # (n, 3) model units
+    half: NDArray[np.float64]  # (n, 3) half of each edge
+
+
+def boxes_between(lo: NDArray[np.float32], hi: NDArray[np.float32]) -> Boxes:
+    """The boxes from lo (n, 3) to hi (n, 3)."""
+    low, high = lo.astype(np.float64), hi.astype(np.float64)
+    return Boxes((low + high) / 2, (high - low) / 2)
+
+
+def boxes_in_frustum(view: View, boxes: Boxes) -> NDArray[np.bool_]:
+    """Which boxes touch the view frustum: (n,) bool. Errs only towards True.
 
     A box is out only if it lies wholly behind one of the planes, with a margin of 1e-6 of its distance for rounding.
     """
-    eye = view.position
-    low = lo.astype(np.float64) - eye
-    high = hi.astype(np.float64) - eye
-    inside = np.ones(len(low), np.bool_)
-    for normal in view.side_planes():
-        corner = np.where(normal > 0, high, low)  # the box's corner farthest inwards
-        reach = (corner[:, 0] * normal[0] + corner[:, 1] * normal[1]) + corner[:, 2] * normal[2]
-        size = (np.abs(corner[:, 0]) + np.abs(corner[:, 1])) + np.abs(corner[:, 2])
-        inside &= reach >= -1e-6 * size
+    normals = view.side_planes().T
+    centre = boxes.centre - view.position
+    reach = centre @ normals + boxes.half @ np.abs(normals)  # of the corner farthest inwards, for each plane
+    margin = 1e-6 * (np.abs(centre).sum(axis=1) + boxes.half.sum(axis=1))
+    inside: NDArray[np.bool_] = reach.min(axis=1) >= -margin
     return inside

@@ -8,6 +8,7 @@ from typing import Literal
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from player.packs import Packs
 from player.renderer.context import Abilities
@@ -109,8 +110,7 @@ class Walkthrough:
         packs, first = np.unique(self._pack_of[choice.drawables], return_index=True)
         self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
         loaded = time.perf_counter()
-        ready = self.packs.cache.resident[self._pack_of]
-        drawn = stand_ins(choice.drawables, self.scene, ready)
+        drawn = stand_ins(choice.drawables, self.scene, self._ready)
         draws = self.renderer.prepare(drawn.drawables)
         prepared = time.perf_counter()
         calls = self.renderer.draw(view, draws, target.framebuffer)
@@ -147,8 +147,7 @@ class Walkthrough:
         width, height = probe.size
         view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.scene.extent)
         ids = self._strategy.choose(view).drawables
-        there = ids[self.packs.cache.resident[self._pack_of[ids]]]
-        self.renderer.draw(view, self.renderer.prepare(there), probe.framebuffer)
+        self.renderer.draw(view, self.renderer.prepare(ids[self._ready(ids)]), probe.framebuffer)
         return probe.nearest(view, self.renderer.able.reversed_depth)
 
     def close(self) -> None:
@@ -164,6 +163,10 @@ class Walkthrough:
         if name == "frustum":
             return Frustum(self.scene, pixel_error=error)
         return NoCulling(self.scene, pixel_error=error)
+
+    def _ready(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of the drawables (n,) are on the GPU."""
+        return self.packs.cache.resident[self._pack_of[ids]]
 
     def _prefetch(self, view: View) -> None:
         last = self._last_position

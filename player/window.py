@@ -20,7 +20,7 @@ from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.renderer.text import TextOverlay
 from player.scene import Scene
-from player.view import View, up_vector
+from player.view import Vector, View, up_vector
 from player.walkthrough import STRATEGIES, FrameStatistics, Settings, Walkthrough
 
 _HELP = (
@@ -39,6 +39,9 @@ _HELP = (
 )
 
 _RADIANS_PER_PIXEL = 0.004
+
+#: Height of a walker's knees, as a part of the eyes' height: what is lower is stepped on, what is higher is in the way.
+_KNEE = 0.35
 
 
 @dataclass(frozen=True)
@@ -225,16 +228,31 @@ class Viewer:
                 self.message = "replayed; T: again"
         else:
             motion = camera.motion(min(seconds, 0.1))
-            if camera.walking and motion.any():
-                length = float(np.sqrt((motion * motion).sum()))
-                wall = self.walk.distance(camera.position, motion / length, up_vector(camera.up), self.probe)
-                motion = motion * max(0.0, min(length, wall - 0.2 * self.options.eye_height)) / length
-            camera.position = camera.position + motion
+            camera.position = camera.position + (self._unhindered(motion) if camera.walking else motion)
             if camera.walking:
-                floor = self.walk.distance(camera.position, -up_vector(camera.up), camera.forward, self.probe)
-                camera.stand(floor, self.options.eye_height, min(seconds, 0.1))
+                self._stand(min(seconds, 0.1))
         if self._recording is not None and (not self._recording or self._clock > self._recording[-1][0]):
             self._recording.append((self._clock, camera.position.copy(), camera.orientation))
+
+    def _unhindered(self, motion: Vector) -> Vector:
+        """The part of a motion (3,) that walls and furniture allow: what is in the way of eyes or knees stops it."""
+        length = float(np.sqrt((motion * motion).sum()))
+        if length == 0:
+            return motion
+        up, eyes = up_vector(self.camera.up), self.options.eye_height
+        heights = [self.camera.position, self.camera.position - (1 - _KNEE) * eyes * up]
+        free = min(self.walk.distance(height, motion / length, up, self.probe) for height in heights)
+        return motion * max(0.0, min(length, free - 0.2 * eyes)) / length
+
+    def _stand(self, seconds: float) -> None:
+        """Keeps the eyes above the floor; they rise by more than a step only where there is room overhead."""
+        camera, eyes, up = self.camera, self.options.eye_height, up_vector(self.camera.up)
+        floor = self.walk.distance(camera.position, -up, camera.forward, self.probe)
+        if floor < (1 - _KNEE) * eyes:
+            overhead = self.walk.distance(camera.position, up, camera.forward, self.probe)
+            if floor + overhead < 1.1 * eyes:
+                return
+        camera.stand(floor, eyes, seconds)
 
     def _hold(self, name: str, down: bool) -> None:
         if down:

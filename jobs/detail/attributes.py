@@ -89,6 +89,61 @@ def keep_given_normals(computed: np.ndarray, given: np.ndarray, vertex: np.ndarr
 
 
 @njit(cache=True, nogil=True)
+def take_over_border_normals(
+    computed: np.ndarray,
+    triangles: np.ndarray,
+    normals: np.ndarray,
+    held: np.ndarray,
+    finest: np.ndarray,
+    finest_triangles: np.ndarray,
+    locked: np.ndarray,
+    crease: float,
+) -> None:
+    """Overwrite corner normals (3 m, 3) float32 at the border to other pieces by those of the finest level.
+
+    They were averaged across the border, so shading shows no seam there. triangles (m, 3) int32 and their unit normals
+    (m, 3), finest (3 m0, 3) float32 corner normals of finest_triangles (m0, 3) int32; vertex held[i] of the level is
+    vertex locked[i] of the finest. Of a vertex's normals the one nearest to the triangle's own is taken, if its cosine
+    is at least `crease`.
+    """
+    if len(locked) == 0:
+        return
+    place = np.full(finest_triangles.max() + 1, -1, np.int32)
+    for i in range(len(locked)):
+        place[locked[i]] = i
+    start = np.zeros(len(locked) + 1, np.int64)
+    for c in range(3 * len(finest_triangles)):
+        i = place[finest_triangles[c // 3, c % 3]]
+        if i >= 0:
+            start[i + 1] += 1
+    for i in range(len(locked)):
+        start[i + 1] += start[i]
+    filled = start[:-1].copy()
+    corners = np.empty(start[-1], np.int64)
+    for c in range(3 * len(finest_triangles)):
+        i = place[finest_triangles[c // 3, c % 3]]
+        if i >= 0:
+            corners[filled[i]] = c
+            filled[i] += 1
+    where = np.full(triangles.max() + 1, -1, np.int32)
+    for i in range(len(held)):
+        where[held[i]] = i
+    for c in range(3 * len(triangles)):
+        t, i = c // 3, where[triangles[c // 3, c % 3]]
+        if i < 0:
+            continue
+        best, chosen = crease, np.int64(-1)
+        for k in range(start[i], start[i + 1]):
+            o = corners[k]
+            cosine = finest[o, 0] * normals[t, 0] + finest[o, 1] * normals[t, 1] + finest[o, 2] * normals[t, 2]
+            if cosine > best:
+                best, chosen = cosine, o
+        if chosen >= 0:
+            for e in range(3):
+                computed[c, e] = finest[chosen, e]
+
+
+@njit(cache=True, nogil=True)
 def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray) -> np.ndarray:
     """Colours (3 m, 4) uint8 for the corners of a coarser level, from the closest places of the finest one.
 
@@ -129,10 +184,10 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
             if o < 0:
                 first[vertex[c], place] = c
                 break
-            near = True
+            apart = np.int64(0)
             for i in range(4):
-                near = near and abs(np.int64(colours[o, i]) - np.int64(colours[c, i])) <= SAME_COLOUR
-            if near:
+                apart = max(apart, abs(np.int64(colours[o, i]) - np.int64(colours[c, i])))
+            if apart <= SAME_COLOUR:
                 for i in range(4):
                     colours[c, i] = colours[o, i]
                 break

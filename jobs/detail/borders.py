@@ -13,7 +13,7 @@ def local_meshes(triangles: np.ndarray, start: np.ndarray, vertices: int) -> tup
     """Number the vertices of each group of triangles, (m, 3) int32 in groups start (groups + 1,), from zero.
 
     Returns the local triangles (m, 3) int32, the vertices that the groups use, one group after the other, int32, and
-    where each group's begin (groups + 1,) int64. Vertices are in the order of first use; `vertices`: how many there are.
+    where each group's begin (groups + 1,) int64, in the order of first use. vertices: how many there are in all.
     """
     group_of = np.full(vertices, -1, np.int32)
     number = np.empty(vertices, np.int32)

@@ -118,9 +118,9 @@ def distance2(corners: np.ndarray, k: int, x: float, y: float, z: float) -> floa
 @njit(cache=True, nogil=True, error_model="numpy")
 def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to a node's box."""
-    dx = max(max(box[node, 0] - x, x - box[node, 3]), 0.0)
-    dy = max(max(box[node, 1] - y, y - box[node, 4]), 0.0)
-    dz = max(max(box[node, 2] - z, z - box[node, 5]), 0.0)
+    dx = max(box[node, 0] - x, x - box[node, 3], 0.0)
+    dy = max(box[node, 1] - y, y - box[node, 4], 0.0)
+    dz = max(box[node, 2] - z, z - box[node, 5], 0.0)
     return dx * dx + dy * dy + dz * dz
 
 

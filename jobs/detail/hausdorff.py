@@ -29,7 +29,7 @@ LARGE2 = 6.0
 MANY_WALKS = 6
 #: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
 ABOVE = MANY_WALKS + 1
-#: Room for a polygon's corners: cuts along three edges add at most one each.
+#: Room for a polygon's corners: a cut adds one at most to each of its parts.
 MAX_CORNERS = 20
 #: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
 MAX_STACK = 400
@@ -57,7 +57,7 @@ def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, n
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def probe(a: Surface, b: Surface) -> float:
-    """The largest distance to `b` found for one corner and the centre of each of the triangles of `a`: a lower bound."""
+    """The largest distance to `b` of one corner and the centre of each triangle of `a`: a lower bound."""
     stack = np.empty(128, np.int32)
     largest2 = 0.0
     hint = 0
@@ -206,7 +206,7 @@ def _part_along_edges(
     hints: np.ndarray,
     top: int,
 ) -> tuple[int, int, int]:
-    """Cut the polygon's n corners along the edges of triangle `face` and push what lies outside, with the neighbour there.
+    """Cut the polygon's n corners along the edges of triangle `face`; push what lies outside, with the neighbour there.
 
     Returns the new top of the stack; how many corners of `polygon`, overwritten, are left; and the triangle to try for
     what is left: `face` itself where it lies above that, else the neighbour beyond the edge that all of it lies beyond,
@@ -353,7 +353,7 @@ def directed_bound(
                     bound2 = max(bound2, here2)
                     continue
             effort -= 1
-            if effort < 0 or depth >= MAX_DEPTH or top + 5 > MAX_STACK:
+            if effort < 0 or depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
                 bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
                 continue
             bottom = top
@@ -391,12 +391,12 @@ def directed_bound(
 def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: float) -> tuple[float, float]:
     """An upper bound of the two-sided Hausdorff distance between two surfaces, and the lower bound that was found.
 
-    The result is at most `slack` (> 1) times the true distance or `floor`, whichever is larger, unless the meshes are so
-    hard that the effort ran out. `lower` is a distance known to be reached, 0 if none is.
+    The result is at most `slack` (> 1) times the true distance or `floor`, whichever is larger, unless the meshes are
+    so hard that the effort ran out. `lower` is a distance known to be reached, 0 if none is.
     """
     near_a, squared_a = point_distances(a.points, b)
     near_b, squared_b = point_distances(b.points, a)
-    lower2 = max(lower * lower, max(squared_a.max(), squared_b.max()))
+    lower2 = max(lower * lower, squared_a.max(), squared_b.max())
     there2, lower2 = directed_bound(a, near_a, b, lower2, floor * floor, slack * slack)
     back2, lower2 = directed_bound(b, near_b, a, lower2, floor * floor, slack * slack)
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)

@@ -15,6 +15,8 @@ from jobs.objects.weld import NON_MANIFOLD, twins
 
 #: A level must have at most this part of the triangles of the one before.
 SHRINK = 0.75
+#: Parts of the triangles to ask for: the later ones where the first leaves a closed object open.
+SHARES = (0.5, 0.6, 0.7)
 #: A level this many times larger than asked for is the last: nothing more can be collapsed.
 STUCK = 1.1
 #: Pieces and levels with fewer triangles than this are not simplified further.
@@ -23,7 +25,7 @@ FEWEST = 16
 SLACK = 1.25
 #: Bounds below this many grid steps are good enough.
 FLOOR_STEPS = 4.0
-#: A level is measured against a coarser one than the finest if that one's own error is below this part of the distance ...
+#: A level is measured against a coarser one than the finest if that one's error is below this part of the distance ...
 REFERENCE_SHARE = 0.25
 #: ... or below this many grid steps, which is next to nothing.
 REFERENCE_STEPS = 4.0
@@ -47,6 +49,7 @@ class CoarseLevel(NamedTuple):
 
     mesh: Mesh
     surface: Surface
+    held: np.ndarray  # int32: the level's vertices that are the finest one's locked vertices, in their order
     error: float  # to the piece's original surface, in grid steps
 
 
@@ -68,26 +71,24 @@ def coarser_levels(finest: Mesh, error: float, locked: np.ndarray, split: bool, 
     surfaces = [make_surface(finest.points.astype(np.float64), finest.triangles)]
     errors = [error]
     levels: list[CoarseLevel] = []
-    mesh = finest
+    mesh, held = finest, locked
     stuck = False
     while len(mesh.triangles) >= FEWEST and not stuck:
-        held = indices_of(mesh.points, finest.points[locked]) if split else locked
-        target = len(mesh.triangles) // 2
-        points, triangles = coarser(mesh.points, mesh.triangles, mesh.twin, held, target)
-        stuck = len(triangles) > STUCK * target
-        if not 0 < len(triangles) <= SHRINK * len(mesh.triangles):
+        found = None
+        for share in SHARES if outward else SHARES[:1]:
+            target = int(share * len(mesh.triangles))
+            points, triangles = coarser(mesh.points, mesh.triangles, mesh.twin, held, target, outward)
+            stuck = len(triangles) > STUCK * target
+            if not 0 < len(triangles) <= SHRINK * len(mesh.triangles):
+                break
+            candidate = Mesh(points, triangles, twins(triangles))
+            if _keeps_promises(finest, candidate, locked, split, outward):
+                found = candidate
+                break
+        if found is None:
             break
-        twin = twins(triangles)
-        if split and not border_kept(finest.points, finest.triangles, finest.twin, locked, points, triangles):
-            break
-        if outward and not (
-            _closes_with_neighbours(finest.twin, twin)
-            if split
-            else outward_closed(points, triangles, twin, np.array([0, len(triangles)]))[0]
-        ):
-            break
-        mesh = Mesh(points, triangles, twin)
-        surface = make_surface(points.astype(np.float64), triangles)
+        mesh = found
+        surface = make_surface(mesh.points.astype(np.float64), mesh.triangles)
         reached = probe(surface, surfaces[0])
         allowed = max(REFERENCE_SHARE * reached, REFERENCE_STEPS)
         base = max(i for i in range(len(errors)) if i == 0 or errors[i] <= allowed)
@@ -98,10 +99,18 @@ def coarser_levels(finest: Mesh, error: float, locked: np.ndarray, split: bool, 
             break
         errors.append(total)
         surfaces.append(surface)
-        levels.append(CoarseLevel(mesh, surface, total))
+        held = indices_of(mesh.points, finest.points[locked]) if split else locked
+        levels.append(CoarseLevel(mesh, surface, held, total))
     return Chain(surfaces[0], levels)
 
 
-def _closes_with_neighbours(finest: np.ndarray, twin: np.ndarray) -> bool:
-    """Whether a level, given that the finest one's border edges are all in it, has no other unpaired edges than those."""
-    return not (twin == NON_MANIFOLD).any() and int((twin < 0).sum()) == int((finest < 0).sum())
+def _keeps_promises(finest: Mesh, level: Mesh, locked: np.ndarray, split: bool, outward: bool) -> bool:
+    """Whether a level keeps the border to the other pieces and, if the object is closed, leaves it closed."""
+    points, triangles, twin = level
+    if split and not border_kept(finest.points, finest.triangles, finest.twin, locked, points, triangles):
+        return False
+    if not outward:
+        return True
+    if split:  # given that the border's edges are all there, there must be no other unpaired ones
+        return not (twin == NON_MANIFOLD).any() and int((twin < 0).sum()) == int((finest.twin < 0).sum())
+    return bool(outward_closed(points, triangles, twin, np.array([0, len(triangles)]))[0])

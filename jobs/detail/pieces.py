@@ -16,10 +16,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.attributes import build_vertices, corner_normals, keep_given_normals, sampled_colours
+from jobs.detail.attributes import (
+    build_vertices,
+    corner_normals,
+    keep_given_normals,
+    sampled_colours,
+    take_over_border_normals,
+)
 from jobs.detail.borders import local_meshes
 from jobs.detail.closest import Surface, make_surface
 from jobs.detail.displacement import group_maximum, snapped
@@ -84,6 +91,16 @@ class Piece:
     levels: tuple[Level, ...]  # finest first, errors strictly increasing
 
 
+class Finest(NamedTuple):
+    """What coarser levels take over from the finest one."""
+
+    surface: Surface
+    triangles: np.ndarray  # (m, 3) int32: vertices of the piece
+    shading: np.ndarray  # (3 m, 3) float32: normals of the corners
+    colours: np.ndarray  # (3 m, 4) uint8: colours of the corners
+    locked: np.ndarray  # int32: vertices on the border to other pieces
+
+
 def plan_chunks(model: Model, options: DetailOptions) -> list[list[int]]:
     """Group the model's meshes, in their order, into chunks of about `options.triangles_per_chunk` triangles each."""
     return _grouped_by_size(model, range(len(model.meshes)), options.triangles_per_chunk)
@@ -128,7 +145,7 @@ def mesh_scales(model: Model, mesh_ids: Sequence[int]) -> np.ndarray:
     stretch = np.zeros(len(mesh_ids))
     linear = np.ascontiguousarray(model.parts["matrix"][placed][:, :, :3])
     np.maximum.at(stretch, own[placed], np.linalg.svd(linear, compute_uv=False).max(axis=1))
-    for i in np.flatnonzero(stretch > 0):
+    for i in np.flatnonzero(stretch > 0).tolist():
         largest = float(np.abs(model.mesh(mesh_ids[i]).positions).max(initial=0.0))
         fine = np.floor(np.log2(model.grid.step / stretch[i] * (1 + STRETCH_TOLERANCE)))
         coarse = np.ceil(np.log2(largest * 1.001 / GRID_LIMIT)) if largest > 0 else fine
@@ -154,9 +171,9 @@ def _batch_pieces(model: Model, batch: list[int], options: DetailOptions) -> Ite
     """The pieces of a batch of meshes, each with the number of triangles of its finest level."""
     views = [model.mesh(mesh) for mesh in batch]
     scales = mesh_scales(model, batch)
-    vertices = np.array([len(view.positions) for view in views])
-    mesh_of_vertex = np.repeat(np.arange(len(batch), dtype=np.int32), vertices)
-    first_vertex = np.concatenate([[0], np.cumsum(vertices)])
+    counts = np.array([len(view.positions) for view in views])
+    mesh_of_vertex = np.repeat(np.arange(len(batch), dtype=np.int32), counts)
+    first_vertex = np.concatenate([[0], np.cumsum(counts)])
     triangles = np.concatenate(
         [view.triangles.astype(np.int64) + first for view, first in zip(views, first_vertex[:-1], strict=True)]
     )
@@ -175,8 +192,8 @@ def _batch_pieces(model: Model, batch: list[int], options: DetailOptions) -> Ite
     shading = corner_normals(objects.points, objects.triangles, objects.whole_twin, normals, areas, crease)
     keep_given_normals(shading, np.concatenate([view.normals for view in views]), corners, normals)
     colours = np.concatenate([view.colours for view in views])[corners]
-    finest = build_vertices(objects.points, objects.triangles, objects.start, shading, colours)
-    positions, vertex_normals, vertex_colours, indices, vertex_start = finest
+    vertices = build_vertices(objects.points, objects.triangles, objects.start, shading, colours)
+    positions, vertex_normals, vertex_colours, indices, vertex_start = vertices
     axes, angles = normal_cones(normals, objects.start)
     local, used, used_start = local_meshes(objects.triangles, objects.start, len(objects.points))
     errors = group_maximum(displacement[corners], 3 * objects.start)
@@ -205,28 +222,28 @@ def _batch_pieces(model: Model, batch: list[int], options: DetailOptions) -> Ite
             of_piece = used[used_start[p] : used_start[p + 1]]
             twin = objects.twin[3 * first : 3 * last]
             split = bool(objects.split[p])
-            chain = coarser_levels(
-                Mesh(objects.points[of_piece], local[own], np.where(twin >= 0, twin - np.int32(3 * first), twin)),
-                float(errors[p]),
-                np.flatnonzero(objects.cut[of_piece]).astype(np.int32) if split else np.zeros(0, np.int32),
-                split,
-                bool(objects.outward[p]),
-            )
-            own_colours = colours[3 * first : 3 * last]
-            levels += [_dressed(level, chain.finest, own_colours, crease, scale) for level in chain.levels]
-        mesh = batch[mesh_of_piece[p]]
-        yield Piece(mesh, scale, bool(objects.outward[p]), tuple(levels)), last - first
+            locked = np.flatnonzero(objects.cut[of_piece] & split).astype(np.int32)
+            mesh = Mesh(objects.points[of_piece], local[own], np.where(twin >= 0, twin - np.int32(3 * first), twin))
+            chain = coarser_levels(mesh, float(errors[p]), locked, split, bool(objects.outward[p]))
+            of_corners = slice(3 * first, 3 * last)
+            finest = Finest(chain.finest, mesh.triangles, shading[of_corners], colours[of_corners], locked)
+            levels += [_dressed(level, finest, crease, scale) for level in chain.levels]
+        yield Piece(batch[mesh_of_piece[p]], scale, bool(objects.outward[p]), tuple(levels)), last - first
 
 
-def _dressed(level: CoarseLevel, finest: Surface, colours: np.ndarray, crease: float, scale: float) -> Level:
-    """A coarser level with normals, and colours taken from the finest level's corners, (3 m0, 4) uint8."""
+def _dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> Level:
+    """A coarser level with normals and colours."""
     points, triangles, twin = level.mesh
     normals, areas = face_normals(points, triangles)
     shading = corner_normals(points, triangles, twin, normals, areas, crease)
+    take_over_border_normals(
+        shading, triangles, normals, level.held, finest.shading, finest.triangles, finest.locked, crease
+    )
+    colours = finest.colours
     if (colours == colours[0]).all():
         own_colours = np.repeat(colours[:1], 3 * len(triangles), axis=0)
     else:
-        own_colours = sampled_colours(level.surface, finest, colours)
+        own_colours = sampled_colours(level.surface, finest.surface, colours)
     whole = np.array([0, len(triangles)])
     positions, vertex_normals, vertex_colours, indices, _ = build_vertices(
         points, triangles, whole, shading, own_colours

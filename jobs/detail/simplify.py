@@ -2,9 +2,9 @@
 
 The collapses are those of fast-simplification (edge collapses by quadric error, in passes with a rising threshold).
 Around it:
-- the mesh is scaled so that its mean edge is 1, which is where the library's thresholds, absolute numbers, are fine enough;
-- along open edges, and along folds where a sheet turns back on itself, the library sees no reason not to eat into a flat
-  surface: a small triangle at right angles is added on each such edge, whose plane holds the edge in place;
+- the mesh is scaled so that its mean edge is 1, where the library's thresholds, absolute numbers, are fine enough;
+- along open edges, and along folds where a sheet turns back on itself, the library sees no reason not to eat into a
+  flat surface: a small triangle at right angles is added on each such edge, whose plane holds the edge in place;
 - locked vertices (borders to other pieces) get a loose triangle each, which makes the library take them for border
   vertices even where the border's edges have several triangles; borders are then preserved altogether;
 - the collapses are replayed, so each triangle that is left is known by its original, and the added ones are taken out.
@@ -15,31 +15,22 @@ planes at right angles along borders).
 
 from __future__ import annotations
 
+from threading import Lock
+
 import fast_simplification
 import numpy as np
 from numba import njit
 
+from jobs.detail.normal_cone import face_normals
 from jobs.objects.weld import OPEN, is_degenerate, mix, table_size, weld
+from storage.tables import GRID_LIMIT
 
 #: Two triangles whose normals have a cosine below this turn back on themselves: their edge is a rim.
 FOLD = -0.9
 #: The library does not move a vertex where a triangle's corner has a cosine beyond this, either way.
 STIFF = 0.999
 
-
-@njit(cache=True, nogil=True)
-def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (m, 3) of triangles over points (n, 3) float64; zero for those without area."""
-    normals = np.zeros((len(triangles), 3))
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0.0:
-            normals[t, 0], normals[t, 1], normals[t, 2] = x / length, y / length, z / length
-    return normals
+_LIBRARY = Lock()
 
 
 @njit(cache=True, nogil=True)
@@ -50,7 +41,7 @@ def scaled_with_rims(
 
     grid_points (n, 3) int32, triangles (m, 3) int32, twin (3 m,) int32, locked: indices of vertices that must stay.
     Returns points (n + ..., 3) float64, triangles (... + m, 3) int32 (added ones first), the centre (3,) and the scale:
-    points = (grid_points - centre) * scale; and how many of the added triangles the library will not take out by itself.
+    points = (grid_points - centre) * scale; and how many of the added triangles the library will not take out itself.
     Most it does, at no cost: it pulls their tips to an end of the edge. It never touches a vertex at a very sharp or
     blunt corner of a triangle.
     """
@@ -73,7 +64,7 @@ def scaled_with_rims(
             x, y, z = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1], points[a, 2] - points[b, 2]
             total += np.sqrt(x * x + y * y + z * z)
     scale = 3 * m / total
-    normals = _normals(points, triangles)
+    normals, _ = face_normals(points, triangles)
 
     held = np.zeros(3 * m, np.bool_)
     added = 0
@@ -148,17 +139,18 @@ def survivors(triangles: np.ndarray, collapses: np.ndarray, vertices: int) -> np
     count = 0
     for t in range(len(triangles)):
         a, b, c = into[triangles[t, 0]], into[triangles[t, 1]], into[triangles[t, 2]]
-        if a != b and b != c and c != a:
+        if b not in (a, c) and a != c:
             left[count] = t
             count += 1
     return left[:count].copy()
 
 
 @njit(cache=True, nogil=True)
-def cleaned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cleaned(points: np.ndarray, triangles: np.ndarray, cancel: bool) -> tuple[np.ndarray, np.ndarray]:
     """Weld grid points (n, 3) int32; drop triangles without area and all but one of those that are equal.
 
-    Equal means the same corners in the same winding: the two sides of a sheet both stay. Returns points (n', 3) int32
+    Equal means the same corners in the same winding: the two sides of a sheet both stay, unless `cancel` is set, for
+    closed surfaces, where such pairs are what is left of a part that was pressed flat. Returns points (n', 3) int32
     in order of use and triangles (m', 3) int32.
     """
     ids, first = weld(points, np.zeros(len(points), np.int32))
@@ -175,7 +167,7 @@ def cleaned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
     fate = np.ones(count, np.bool_)
     for t in range(count):
         a, b, c = np.int64(kept[t, 0]), np.int64(kept[t, 1]), np.int64(kept[t, 2])
-        low, high = min(a, min(b, c)), max(a, max(b, c))
+        low, high = min(a, b, c), max(a, b, c)
         middle = a + b + c - low - high
         slot = mix((low << 31) ^ (middle << 15) ^ high) & (size - 1)
         while True:
@@ -192,6 +184,10 @@ def cleaned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
                 even = even or (kept[o, 0] == c and kept[o, 1] == a)
                 if even:
                     fate[t] = False
+                    break
+                if cancel and fate[o]:
+                    fate[t] = False
+                    fate[o] = False
                     break
             slot = (slot + 1) & (size - 1)
     return _compacted(points, first, kept[:count], fate)
@@ -223,20 +219,24 @@ def _compacted(
 
 
 def coarser(
-    points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, locked: np.ndarray, target: int
+    points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, locked: np.ndarray, target: int, closed: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simplify grid points (n, 3) int32, triangles (m, 3) int32, to about `target` triangles, on the same grid.
 
     twin (3 m,): the paired half-edges. locked: indices of vertices that must stay, int32; where there are any, all open
-    borders stay. fast-simplification keeps its state in globals but sets all of it anew in each call; it holds the
-    interpreter's lock throughout, so threads do not mix, and nothing of an earlier call shows in a later one.
+    borders stay. closed: the surface has no border but the locked one.
+
+    fast-simplification keeps the mesh in globals between the steps of one call. It sets all of them anew in each call,
+    so nothing of an earlier one shows; but calls from several threads must wait for each other.
     """
     whole, faces, centre, scale, staying = scaled_with_rims(points, triangles, twin, locked, len(locked) == 0)
     added = len(faces) - len(triangles)
-    new_points, new_faces, collapses = fast_simplification.simplify(
-        whole, faces, target_count=target + staying, return_collapses=True, preserve_border=len(locked) > 0
-    )
+    with _LIBRARY:
+        new_points, new_faces, collapses = fast_simplification.simplify(
+            whole, faces, target_count=target + staying, return_collapses=True, preserve_border=len(locked) > 0
+        )
     left = survivors(faces, collapses, len(whole))
     own = new_faces[left >= added]
-    snapped = np.rint(new_points / scale + centre)
-    return cleaned(np.clip(snapped, -(1 << 24), 1 << 24).astype(np.int32), own)
+    # positions that its linear systems have sent off to nowhere are caught here; the error then tells what they did
+    snapped = np.rint(np.nan_to_num(new_points) / scale + centre)
+    return cleaned(np.clip(snapped, -GRID_LIMIT, GRID_LIMIT).astype(np.int32), own, closed)

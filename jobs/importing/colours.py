@@ -22,6 +22,9 @@ _INSIDE = 1 / 16
 #: Share of a face's width that one sample is averaged over.
 _FOOTPRINT = 1 / 8
 
+#: What is read as an image; Pillow's other formats have no business in a model (some start other programs).
+_IMAGES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF", "DDS", "PPM")
+
 _DECODE = np.array([v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in (i / 255 for i in range(256))])
 
 #: Linear values halfway between neighbouring 8-bit sRGB values, rounded so that they are the same on every machine.
@@ -83,7 +86,7 @@ class Texture:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 warnings.simplefilter("error", Image.DecompressionBombWarning)
-                with Image.open(io.BytesIO(data)) as image:
+                with Image.open(io.BytesIO(data), formats=_IMAGES) as image:
                     pixels = np.array(image.convert("RGBA"), np.uint8)
         except Exception:  # Pillow raises almost anything on damaged files
             return None

@@ -29,6 +29,7 @@ from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Ta
 from storage.errors import ModelError
 
 Json = dict[str, Any]
+Buffer = bytes | memoryview
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -56,7 +57,7 @@ def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
     return SourceScene(file, meshes, _nodes(header, index, tally), 1.0, "y", "y", tally)
 
 
-def _unpack(file: Path, content: bytes) -> tuple[Json, bytes | None]:
+def _unpack(file: Path, content: bytes) -> tuple[Json, memoryview | None]:
     """The JSON header and, in a .glb file, the binary chunk."""
     if file.suffix.lower() == ".gltf":
         header = json.loads(content)
@@ -80,7 +81,7 @@ def _unpack(file: Path, content: bytes) -> tuple[Json, bytes | None]:
             kind = content[start + 4 : start + 8]
             if start + 8 + length > len(content):
                 raise _cut(file, start + 8 + length, len(content))
-            chunk = content[start + 8 : start + 8 + length] if kind == b"BIN\0" else None
+            chunk = memoryview(content)[start + 8 : start + 8 + length] if kind == b"BIN\0" else None
             start += 8 + length
     if not isinstance(header, dict) or "asset" not in header:
         raise ModelError(f"{file}: JSON, but not glTF (it has no asset); check its extension")
@@ -91,11 +92,13 @@ def _cut(file: Path, expected: int, found: int) -> ModelError:
     return ModelError(f"{file}: cut short, {found} of {expected} bytes are there; copy or export it again")
 
 
-def _buffers(file: Path, header: Json, chunk: bytes | None, resources: Resources) -> list[bytes]:
-    buffers = []
+def _buffers(file: Path, header: Json, chunk: memoryview | None, resources: Resources) -> list[Buffer]:
+    buffers: list[Buffer] = []
     for number, buffer in enumerate(header.get("buffers", ())):
         uri = buffer.get("uri")
-        data = chunk if uri is None and number == 0 else resources.read(str(uri)) if uri is not None else None
+        data: Buffer | None = chunk if uri is None and number == 0 else None
+        if uri is not None:
+            data = resources.read(str(uri))
         if data is None:
             name = "its binary chunk" if uri is None else f"the buffer {str(uri)[:80]!r}"
             raise ModelError(f"{file}: {name} is missing; put it into the model's folder, or export the model again")
@@ -114,7 +117,7 @@ class _Source:
 
     file: Path
     header: Json
-    buffers: list[bytes]
+    buffers: list[Buffer]
     resources: Resources
     _textures: dict[int, Texture | None] = field(default_factory=dict)
 
@@ -147,7 +150,7 @@ class _Source:
         content = io.BytesIO(json.dumps(header).encode())
         found = load_gltf(content, resolver={str(i): data for i, data in enumerate(self.buffers)}, skip_materials=True)
         decoded = found["geometry"]["all"]["vertex_attributes"]
-        arrays = [decoded[f"_{i}"].reshape(accessor["count"], -1) for i, accessor in enumerate(accessors)]
+        arrays = [decoded[f"_{i}"].reshape(entry["count"], _WIDTHS[entry["type"]]) for i, entry in enumerate(accessors)]
         patches = iter(range(len(self.header["accessors"]), len(arrays)))
         for number, accessor in enumerate(self.header["accessors"]):
             if "sparse" in accessor:
@@ -197,16 +200,17 @@ class _Source:
     def texture(self, number: int) -> Texture | None:
         """A texture's image, None if it is missing or cannot be read."""
         if number not in self._textures:
-            source = self.header["textures"][_at(number)].get("source")
+            entry = self.header["textures"][_at(number)]
+            source = entry.get("source", entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
             image = {} if source is None else self.header["images"][_at(source)]
-            data = None
+            data: Buffer | None = None
             if "bufferView" in image:
                 view = self.header["bufferViews"][_at(image["bufferView"])]
                 start = view.get("byteOffset", 0)
                 data = self.buffers[_at(view["buffer"])][start : start + view["byteLength"]]
             elif "uri" in image:
                 data = self.resources.read(str(image["uri"]))
-            self._textures[number] = Texture.decode(data)
+            self._textures[number] = Texture.decode(None if data is None else bytes(data))
         return self._textures[number]
 
 
@@ -258,12 +262,14 @@ def _mesh(source: _Source, name: str, primitives: Sequence[Json], tally: Tally) 
         positions = source.floats(attributes["POSITION"])
         corners = source.integers(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
         triangles = _triangles(corners, mode)
-        normals = source.floats(attributes["NORMAL"]) if "NORMAL" in attributes else np.zeros_like(positions)
+        normals = np.zeros(positions.shape, np.float32)
+        if "NORMAL" in attributes:
+            normals = source.floats(attributes["NORMAL"]).astype(np.float32)
         if positions.shape[1] != 3:
             raise ModelError(f"{source.file}: mesh {name!r} has positions without x, y and z; export it again")
         if normals.shape != positions.shape:
             defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
-            normals = np.zeros_like(positions)
+            normals = np.zeros(positions.shape, np.float32)
         colours = _colours(source, primitive, positions, triangles, defects)
         pieces.append((positions, triangles, normals, colours))
     if not pieces:
@@ -305,10 +311,9 @@ def _colours(
     number = primitive.get("material")
     if number is None and "COLOR_0" not in attributes:
         return np.broadcast_to(np.array(DEFAULT_COLOUR, np.uint8), (len(positions), 4))
-    surface = {} if number is None else source.header["materials"][_at(number)].get("pbrMetallicRoughness", {})
+    factor, image = _surface({} if number is None else source.header["materials"][_at(number)])
     linear = np.ones((len(positions), 4))
-    linear *= np.nan_to_num(np.array(surface.get("baseColorFactor", (1, 1, 1, 1)), np.float64).reshape(4))
-    image = surface.get("baseColorTexture")
+    linear *= np.nan_to_num(np.array(factor, np.float64).reshape(4))
     if image is not None:
         coordinates = f"TEXCOORD_{image.get('texCoord', 0)}"
         texture = source.texture(image["index"])
@@ -331,6 +336,15 @@ def _colours(
         return to_colours(painted)
     linear[:, : painted.shape[1]] *= painted
     return from_linear(linear)
+
+
+def _surface(material: Json) -> tuple[Sequence[float], Json | None]:
+    """A material's base colour and the texture that goes with it."""
+    older = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    if older is not None and "pbrMetallicRoughness" not in material:
+        return older.get("diffuseFactor", (1, 1, 1, 1)), older.get("diffuseTexture")
+    surface = material.get("pbrMetallicRoughness", {})
+    return surface.get("baseColorFactor", (1, 1, 1, 1)), surface.get("baseColorTexture")
 
 
 def _writes_srgb(header: Json) -> bool:

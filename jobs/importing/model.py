@@ -165,4 +165,4 @@ def import_model(
     write_model(out, meshes, placements, up=up, unit_in_metres=unit, report=report)
     tell(len(files) + 1, len(files) + 1)
     triangles = sum(len(meshes[p.mesh].triangles) for p in placements)
-    return ImportReport(len(files), len(meshes), len(placements), triangles, report)
+    return ImportReport(len(files), len({p.mesh for p in placements}), len(placements), triangles, report)

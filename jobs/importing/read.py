@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from jobs.importing.resources import Resources
@@ -72,10 +74,7 @@ def read_scene(file: Path, root: Path) -> SourceScene:
         raise ModelError(f"{file}: this is a {looks} file; rename it so that its extension says so")
     reader: Reader = importlib.import_module(f"jobs.importing.{READERS[kind]}").read
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            # numpy warns where it stops reading numbers at text that is none
-            warnings.filterwarnings("error", message="string or file could not be read to its end")
+        with _quiet():
             scene = reader(file, content, Resources(file, root))
     except ModelError:
         raise
@@ -90,6 +89,22 @@ def read_scene(file: Path, root: Path) -> SourceScene:
     if not scene.meshes or not scene.nodes:
         raise ModelError(f"{file}: the file holds no triangles; export the model again with its surfaces")
     return scene
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Parsers neither warn nor log: what they stumble over is counted, or ends in a ModelError."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            # older numpys warn where newer ones raise: at text among numbers
+            warnings.filterwarnings("error", message="string or file could not be read to its end")
+            yield
+    finally:
+        log.setLevel(level)
 
 
 def looks_like(content: bytes) -> str | None:

@@ -18,8 +18,8 @@ class Resources:
 
     def __init__(self, file: Path, root: Path | None = None) -> None:
         """Of the model file `file`; `root` is the outermost folder that may be read, by default the file's own."""
-        self._folder = file.parent
-        self._root = root or file.parent
+        self._folder = file.parent.absolute()
+        self._root = (root or file.parent).absolute()
 
     def read(self, reference: str) -> bytes | None:
         """The content that a URI or path stands for; None if it is missing, outside, remote or cannot be read."""

@@ -154,7 +154,8 @@ def write_model(
             baking[p.mesh] = p.matrix
         else:
             row["matrix"] = p.matrix
-            row["matrix"][:, 3] = transform_points(p.matrix, centres[p.mesh][None])[0]
+            if centres[p.mesh].any():
+                row["matrix"][:, 3] = transform_points(p.matrix, centres[p.mesh][None])[0]
 
     out.parent.mkdir(parents=True, exist_ok=True)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -199,6 +200,9 @@ def bake(mesh: MeshView, matrix: np.ndarray) -> MeshView:
     """The mesh under a (3, 4) matrix, in float64. A mirroring matrix also turns the faces, so fronts stay fronts."""
     if np.array_equal(matrix, IDENTITY):
         return mesh
+    if np.array_equal(matrix[:, :3], IDENTITY[:, :3]):
+        moved = transform_points(matrix, mesh.positions)
+        return MeshView(moved, mesh.normals, mesh.colours, mesh.triangles, mesh.source_faces)
     cofactor = cofactors(matrix)
     row = matrix[0, :3] * cofactor[0]
     mirrored = (row[0] + row[1]) + row[2] < 0

@@ -1,4 +1,4 @@
-"""Components above a size, cut in space: median split along the longest axis of the triangles' centres, again and again.
+"""Components above a size, cut in space: median splits along the longest axis of the triangles' centres.
 
 Triangles are never cut, so the pieces' borders run along edges and stay welded.
 """

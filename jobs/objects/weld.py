@@ -23,7 +23,7 @@ def table_size(entries: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def mix(value: int) -> int:
+def mix(value: np.int64) -> np.int64:
     """Spread the low 62 bits of a non-negative int64 over its low 30 bits; no step overflows."""
     low = value & 0x3FFFFFFF
     high = (value >> 30) & 0x7FFFFFFF
@@ -95,8 +95,8 @@ def degenerate_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarra
 def twins(triangles: np.ndarray) -> np.ndarray:
     """Pair the half-edges of triangles (m, 3) int32 over welded vertices: (3 m,) int32.
 
-    Half-edge 3 t + e runs from vertex e to vertex e + 1 of triangle t. Its twin is the half-edge that runs the other way,
-    OPEN where there is none, NON_MANIFOLD where either direction is used more than once.
+    Half-edge 3 t + e runs from vertex e to vertex e + 1 of triangle t. Its twin is the half-edge that runs the other
+    way, OPEN where there is none, NON_MANIFOLD where either direction is used more than once.
     """
     m = len(triangles)
     size = table_size(3 * m)

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from player.renderer import shaders
 
-_LETTERS = "".join(chr(code) for code in range(32, 127)) + "·×°→±…"
+_LETTERS = "".join(chr(code) for code in range(32, 127)) + "·°±…"
 _SOLID = "\0"  # a letter that is a filled rectangle: the panel behind the text
 
 Colour = tuple[float, float, float, float]

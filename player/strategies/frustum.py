@@ -30,7 +30,7 @@ class Frustum:
     def choose(self, view: View) -> Choice:
         """The drawables in the frustum."""
         cell = int(self._scene.store.cell_at(view.position[None])[0])
-        inside = boxes_in_frustum(view, self._scene.node_lo, self._scene.node_hi)
+        inside = boxes_in_frustum(view, self._scene.node_boxes)
         return Choice(self._cut(view.position, inside), cell, computed=False)
 
     def ahead(self, view: View, motion: Vector) -> NDArray[np.int64] | None:
@@ -40,7 +40,7 @@ class Frustum:
             return None
         self._ahead_from = view.position
         eye = view.position + motion
-        ids = self._cut(eye, np.ones(len(self._scene.node_lo), np.bool_))
+        ids = self._cut(eye, np.ones(len(self._scene.levels), np.bool_))
         distance = box_distance(eye, eye, self._scene.drawable_lo[ids], self._scene.drawable_hi[ids])
         return ids[np.argsort(distance, kind="stable")]
 

@@ -16,7 +16,7 @@ from player.prefetch import Loader
 from player.scene import Scene
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
-from player.view import Vector, View, boxes_in_frustum, normalised
+from player.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from storage.deltas import apply
 from storage.detail import choose_levels
 
@@ -45,19 +45,19 @@ class Vlod:
         self._cell = -1
         self._listed: tuple[int, float] | None = None
         self._list: Ids = np.zeros(0, np.int64)
+        self._boxes = Boxes(np.zeros((0, 3)), np.zeros((0, 3)))
         self._ahead_for: tuple[object, ...] | None = None
 
     def choose(self, view: View) -> Choice:
         """The part of the cell's vLOD that the frustum touches."""
         self._collect()
-        cell = int(self._scene.store.cell_at(view.position[None])[0])
+        cell = self._cell_of(view.position)
         self._enter(cell)
         ids = self._cell_list(cell) if cell >= 0 else None
         if ids is None:
             self._frustum.pixel_error = self.pixel_error
             return Choice(self._frustum.choose(view).drawables, cell, computed=False)
-        inside = boxes_in_frustum(view, self._scene.drawable_lo[ids], self._scene.drawable_hi[ids])
-        return Choice(ids[inside], cell, computed=True)
+        return Choice(ids[boxes_in_frustum(view, self._boxes)], cell, computed=True)
 
     def ahead(self, view: View, motion: Vector) -> Ids | None:
         """The rest of the cell's list, then what the cells ahead add to it, then what the other neighbours add."""
@@ -87,6 +87,14 @@ class Vlod:
         if self._loader is not None:
             self._loader.close()
 
+    def _cell_of(self, position: Vector) -> int:
+        """The computed cell that holds the eye, -1 if there is none."""
+        if self._cell >= 0:
+            row = self._scene.store.cells[self._cell]
+            if (row["lo"] < position).all() and (position < row["hi"]).all():
+                return self._cell
+        return int(self._scene.store.cell_at(position[None])[0])
+
     def _enter(self, cell: int) -> None:
         if cell != self._cell:
             self._cell = cell
@@ -100,6 +108,7 @@ class Vlod:
             if ids is None:
                 return None
             self._list = self._at_detail(cell, ids)
+            self._boxes = boxes_between(self._scene.drawable_lo[self._list], self._scene.drawable_hi[self._list])
             self._listed = (cell, self.pixel_error)
         return self._list
 

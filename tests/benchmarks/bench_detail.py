@@ -96,16 +96,12 @@ def main() -> None:
                 return open_model(root / name)
 
             cases[name] = imported
-        print(
-            f"{'model':14} {'triangles':>9} {'pieces':>7} {'levels':>7} {'coarsest':>9} {'s':>7} {'collapse':>8} {'bound':>7} {'tri/s':>8}"
-        )
+        columns = ["triangles", "pieces", "levels", "coarsest_triangles", "seconds", "seconds_collapsing"]
+        columns += ["seconds_bounding", "triangles_per_second"]
+        print(" " * 14 + " ".join(f"{column:>20}" for column in columns))
         for name, case in cases.items():
             results[name] = r = timed(case())
-            print(
-                f"{name:14} {r['triangles']:9} {r['pieces']:7} {r['levels']:7} {r['coarsest_triangles']:9} {r['seconds']:7.2f} "
-                f"{r['seconds_collapsing']:8.2f} {r['seconds_bounding']:7.2f} {r['triangles_per_second']:8.0f}",
-                flush=True,
-            )
+            print(f"{name:14}" + " ".join(f"{r[column]:20.6g}" for column in columns), flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1, sort_keys=True))
 

@@ -81,17 +81,12 @@ def main() -> int:
     arguments = parser.parse_args()
     root = Path(os.environ["VLOD_MODELS"])
     results = {}
-    print(
-        f"{'model':20} {'pieces':>7} {'levels':>7} {'points':>8} {'above':>6} {'max m/s':>8} {'s/m 50%':>8} {'s/m 90%':>8}"
-    )
+    columns = ["pieces", "levels", "points_each_way", "measured_above_stored", "largest_measured_over_stored"]
+    columns += ["stored_over_measured_median", "stored_over_measured_90_percent"]
+    print(" " * 20 + " ".join(f"{column:>31}" for column in columns))
     for name in arguments.models:
         results[name] = r = measure(root / MODELS[name], arguments.points)
-        print(
-            f"{name:20} {r['pieces']:7} {r['levels']:7} {r['points_each_way']:8} {r['measured_above_stored']:6} "
-            f"{r['largest_measured_over_stored']:8.4f} {r['stored_over_measured_median']:8.3f} "
-            f"{r['stored_over_measured_90_percent']:8.3f}",
-            flush=True,
-        )
+        print(f"{name:20}" + " ".join(f"{r[column]:31.6g}" for column in columns), flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1, sort_keys=True))
     return int(any(r["measured_above_stored"] for r in results.values()))

@@ -17,7 +17,7 @@ from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow
 
-PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3)
+PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3, region=(0, 0, 0, 8, 3.5, 2))
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from tests.jobs.tiny_model import write_rooms
 pytestmark = pytest.mark.slow
 
 VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
-OPTIONS = ["--triangles-per-cell", "150", "--max-depth", "3"]
+OPTIONS = ["--triangles-per-cell", "150", "--max-depth", "3", "--region", "0", "0", "0", "8", "3.5", "2"]
 EXECUTORS = [["--executor", "serial"], ["--executor", "ray", "--workers", "2"]]
 
 
@@ -133,11 +133,15 @@ def test_a_store_stays_readable_while_its_next_version_is_killed(model, tmp_path
     assert open_store(store).manifest.version == 2
 
 
-@pytest.mark.parametrize("options", EXECUTORS, ids=["serial", "ray"])
-def test_an_interrupt_ends_in_130_and_keeps_what_is_finished(model, reference, options, tmp_path):
+@pytest.mark.parametrize(
+    ("options", "number"),
+    [(EXECUTORS[0], signal.SIGINT), (EXECUTORS[1], signal.SIGINT), (EXECUTORS[1], signal.SIGTERM)],
+    ids=["serial", "ray", "ray-terminated"],
+)
+def test_an_interrupt_ends_in_130_and_keeps_what_is_finished(model, reference, options, number, tmp_path):
     store = tmp_path / "store"
     process = begin(model, store, options, 4)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130, said
     assert said.splitlines()[-1] == "interrupted"

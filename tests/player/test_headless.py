@@ -44,7 +44,8 @@ def test_frames_and_report_say_what_happened(room: Store, tmp_path: Path) -> Non
     )
     assert calls == [(n + 1, 6) for n in range(6)]
     assert sorted(file.name for file in (tmp_path / "f").iterdir()) == [f"frame_{n:04d}.png" for n in range(6)]
-    assert Image.open(tmp_path / "f" / "frame_0003.png").size == (96, 54)
+    with Image.open(tmp_path / "f" / "frame_0003.png") as image:
+        assert image.size == (96, 54)
     content = report.content
     for row in content["frames"]:
         cell = int(room.cell_at(np.array([row["position"]]))[0])
@@ -114,7 +115,8 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
     assert compared["holes"] > 100
     worst = max(report.content["frames"], key=lambda row: row["compare"]["holes"])
     assert compared["worst_frame"] == worst["index"]
-    shown = np.array(Image.open(tmp_path / "f" / compared["images"]["difference"]))
+    with Image.open(tmp_path / "f" / compared["images"]["difference"]) as image:
+        shown = np.array(image)
     assert ((shown == (255, 0, 0)).all(axis=2)).sum() == worst["compare"]["holes"]
 
 

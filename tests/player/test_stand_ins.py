@@ -22,16 +22,16 @@ def test_the_nearest_level_stands_in(scene: Scene, wanted: int, there: set[int],
     ready = np.ones(len(scene.node_of), np.bool_)
     ready[first : first + 3] = [level in there for level in range(3)]
     other = first + 3 if first + 3 < len(ready) else 0
-    found = stand_ins(np.sort([first + wanted, other]), scene, ready)
+    found = stand_ins(np.sort([first + wanted, other]), scene, lambda ids: ready[ids])
     assert found.drawables.tolist() == sorted([first + drawn, other])
     assert (found.replaced, found.absent) == (1, 0)
 
 
 def test_nothing_is_drawn_of_what_has_not_arrived(scene: Scene) -> None:
-    found = stand_ins(np.sort(scene.first_drawable), scene, np.zeros(len(scene.node_of), np.bool_))
-    assert (len(found.drawables), found.replaced, found.absent) == (0, 0, len(scene.node_lo))
+    found = stand_ins(np.sort(scene.first_drawable), scene, lambda ids: np.zeros(len(ids), np.bool_))
+    assert (len(found.drawables), found.replaced, found.absent) == (0, 0, len(scene.levels))
 
 
 def test_what_is_there_is_drawn_as_chosen(scene: Scene) -> None:
     ids = np.sort(scene.first_drawable)
-    assert stand_ins(ids, scene, np.ones(len(scene.node_of), np.bool_)).drawables is ids
+    assert stand_ins(ids, scene, lambda wanted: np.ones(len(wanted), np.bool_)).drawables is ids

@@ -12,7 +12,7 @@ from player.strategies.frustum import Frustum
 from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
-from player.view import boxes_in_frustum
+from player.view import boxes_between, boxes_in_frustum
 from storage.detail import choose_levels
 from storage.store import Store
 from tests.player.conftest import inside_view, view_from
@@ -56,7 +56,7 @@ def test_vlod_is_the_cells_list_within_the_frustum(odd_room: Store) -> None:
         if cell >= 0:
             ids = odd_room.vlod(cell)
             box = odd_room.drawables[ids]
-            assert np.array_equal(choice.drawables, ids[boxes_in_frustum(view, box["lo"], box["hi"])])
+            assert np.array_equal(choice.drawables, ids[boxes_in_frustum(view, boxes_between(box["lo"], box["hi"]))])
         strategy.ahead(view, np.zeros(3))
         cells.add(cell)
     assert len(cells) > 10
@@ -74,7 +74,7 @@ def test_outside_computed_cells_vlod_falls_back_to_the_frustum(odd_room: Store) 
 
 def test_frustum_is_the_cut_for_the_eye(room: Store) -> None:
     view = inside_view()
-    inside = boxes_in_frustum(view, room.nodes["lo"], room.nodes["hi"])
+    inside = boxes_in_frustum(view, boxes_between(room.nodes["lo"], room.nodes["hi"]))
     eye = view.position
     expected = choose_levels(room.nodes[inside], room.drawables, eye, eye, room.manifest.pixel_angle, 2.0)
     assert np.array_equal(Frustum(scene_of(room), pixel_error=2.0).choose(view).drawables, expected)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from player.view import (
     View,
+    boxes_between,
     boxes_in_frustum,
     direction_yaw_pitch,
     looking,
@@ -78,7 +79,7 @@ def test_no_box_with_a_visible_point_is_culled(
     view = View(np.array(eye), looking(direction, (0, 0, 1)), 60, 160, 90, 0.01, 1000)
     lo = np.array([np.minimum(a, b) for a, b in boxes], np.float32)
     hi = np.array([np.maximum(a, b) for a, b in boxes], np.float32)
-    kept = boxes_in_frustum(view, lo, hi)
+    kept = boxes_in_frustum(view, boxes_between(lo, hi))
     steps = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 3), axis=-1).reshape(-1, 3)
     for low, high, inside in zip(lo, hi, kept, strict=True):
         samples = low + steps * (high - low).astype(np.float64)
@@ -92,7 +93,7 @@ def test_no_box_with_a_visible_point_is_culled(
 def test_boxes_behind_and_beside_are_culled() -> None:
     view = view_from((0, 0, 0), (1, 0, 0), field_of_view=60)
     lo = np.array([[-5, -1, -1], [5, -1, -1], [5, 60, -1], [-1, -1, -1]], np.float32)
-    assert boxes_in_frustum(view, lo, lo + 2).tolist() == [False, True, False, True]
+    assert boxes_in_frustum(view, boxes_between(lo, lo + 2)).tolist() == [False, True, False, True]
 
 
 @pytest.mark.parametrize(("field", "size"), [(0.0, (4, 4)), (180.0, (4, 4)), (60.0, (0, 4))])

@@ -56,7 +56,7 @@ def _distances(queries: np.ndarray, corners: np.ndarray, centres: np.ndarray, ra
             if x * x + y * y + z * z > reach * reach:
                 continue
             a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
-            d = min(_distance_to_edge(p, a, b), min(_distance_to_edge(p, b, c), _distance_to_edge(p, c, a)))
+            d = min(_distance_to_edge(p, a, b), _distance_to_edge(p, b, c), _distance_to_edge(p, c, a))
             normal = np.cross(b - a, c - a)
             length = np.sqrt(np.sum(normal * normal))
             if length > 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,10 +39,11 @@ def torus(u: int = 48, v: int = 24, large: float = 1.0, small: float = 0.4) -> S
 
 
 def sphere(n: int = 16, radius: float = 1.0, bumps: float = 0.0) -> Shape:
-    """A cube of 6 n x n quads blown up to a sphere, wound outward: 12 n^2 triangles; bumps: relative height of waves."""
+    """A cube of 6 n x n quads blown up to a sphere, wound outward; bumps: relative height of waves."""
     step = np.tan((np.arange(n + 1) / n - 0.5) * np.pi / 2)
     s, t = np.meshgrid(step, step, indexing="ij")
-    points, triangles = [], []
+    points: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
     for axis in range(3):
         for side in (1.0, -1.0):
             face = np.zeros((n + 1, n + 1, 3))
@@ -79,7 +81,7 @@ def model_of(folder: Path, *shapes: Shape, placements: list[Placement] | None = 
     return open_model(folder / "model")
 
 
-def pieces_of(model: Model, **options: float) -> list[Piece]:
+def pieces_of(model: Model, **options: Any) -> list[Piece]:
     """All pieces of a model."""
     return list(build_pieces(model, range(len(model.meshes)), DetailOptions(**options)))
 

@@ -74,7 +74,8 @@ def test_frame_is_read_and_coordinates_stay(tmp_path):
 def test_instances_stay_instances_and_transforms_multiply(tmp_path):
     nodes = f"""<node name="group"><translate>10 0 0</translate><rotate>0 0 1 90</rotate>
     <node name="one">{INSTANCE}</node>
-    <node name="two"><matrix>1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1</matrix><scale>2 2 2</scale><instance_node url="#lib"/></node>
+    <node name="two"><matrix>1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1</matrix><scale>2 2 2</scale>
+    <instance_node url="#lib"/></node>
     </node>"""
     model = dae(tmp_path, nodes=nodes)
     assert len(model.meshes) == 1

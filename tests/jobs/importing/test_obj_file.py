@@ -42,7 +42,8 @@ def test_relative_indices_count_from_where_they_stand(tmp_path):
 def test_all_forms_of_corners_may_be_mixed(tmp_path):
     text = (
         SQUARE
-        + "vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\nv 2 0 0\nv 2 1 0\nf 2/1 5/1 6/1\nf 2 6 3 # trailing\n"
+        + "vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\n"
+        + "v 2 0 0\nv 2 1 0\nf 2/1 5/1 6/1\nf 2 6 3 # trailing\n"
         + "v 3 0 0\nv 3 1 0\nf 5 7/1 8//1 \\\n  6\n"
     )
     model = obj(tmp_path, text)

@@ -100,7 +100,7 @@ def test_bad_indices_and_nan_in_ply(tmp_path):
 def test_giant_ply_counts_are_refused_without_taking_memory(tmp_path, form, count, element):
     data = binary_ply() if form != "ascii" else PLY.format(form=form, colours="").encode() + b"0 " * 40
     data = data.replace(element.encode(), f"{element.split()[0]} {count}".encode())
-    with pytest.raises(ModelError, match="promised|means nothing"):
+    with pytest.raises(ModelError, match=r"promised|means nothing"):
         imported(save(tmp_path, "a.ply", data), tmp_path / "out")
 
 
@@ -161,7 +161,8 @@ def test_off_claims_that_are_not_kept(tmp_path, text, message):
 
 def test_stl_solids_are_parts(tmp_path):
     facet = "facet normal 0 0 1\nouter loop\nvertex {0} 0 0\nvertex {1} 0 0\nvertex {0} 1 0\nendloop\nendfacet\n"
-    text = f"solid one\n{facet.format(0, 1)}endsolid one\nsolid two\n{facet.format(5, 6)}{facet.format(7, 8)}endsolid two\n"
+    one, two = facet.format(0, 1), facet.format(5, 6) + facet.format(7, 8)
+    text = f"solid one\n{one}endsolid one\nsolid two\n{two}endsolid two\n"
     model = imported(save(tmp_path, "a.stl", text), tmp_path / "out")
     assert model.names == ("one", "two")
     assert model.meshes["triangles"].tolist() == [1, 2]
@@ -184,17 +185,13 @@ def test_nan_in_stl_is_counted(tmp_path):
     data = bytearray(binary_stl())
     data[84 + 12 : 84 + 16] = np.float32(np.nan).tobytes()
     data[134 + 12 : 134 + 16] = np.float32(np.inf).tobytes()
-    assert (
-        total(
-            imported(save(tmp_path, "a.stl", bytes(data)), tmp_path / "out"), "faces with a position that is not finite"
-        )
-        == 2
-    )
+    model = imported(save(tmp_path, "a.stl", bytes(data)), tmp_path / "out")
+    assert total(model, "faces with a position that is not finite") == 2
 
 
 @pytest.mark.parametrize("count", [0, 17, 19, 2**32 - 1])
 def test_stl_counts_that_do_not_fit_are_refused(tmp_path, count):
-    with pytest.raises(ModelError, match="cut short|endsolid"):
+    with pytest.raises(ModelError, match=r"cut short|endsolid"):
         imported(save(tmp_path, "a.stl", binary_stl(count)), tmp_path / "out")
 
 
@@ -203,3 +200,11 @@ def test_a_file_in_another_unit_or_up_axis(tmp_path):
     model = imported(path, tmp_path / "out", units="mm", up="y")
     assert (model.up, model.unit_in_metres) == ("y", 0.001)
     assert np.array_equal(np.unique(corners_of(model).reshape(-1, 3), axis=0), np.unique(POINTS, axis=0))
+
+
+def test_parsers_say_nothing(tmp_path, caplog, capfd):
+    facet = "facet normal x 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    model = imported(save(tmp_path, "a.stl", f"solid\n{facet}endsolid\n"), tmp_path / "out")
+    assert model.triangle_count == 1
+    assert caplog.records == []
+    assert capfd.readouterr() == ("", "")

@@ -42,7 +42,7 @@ def test_surface_and_face_numbers_come_back(tmp_path, name):
 @pytest.mark.parametrize("name", ["obj", "off", "ply", "stl_ascii"])
 def test_far_coordinates_lose_nothing_in_text(tmp_path, name):
     positions, triangles = terrain()
-    positions = np.round(positions, 3) + [1e7, -2e7, 5e6]
+    positions = np.round(positions, 3) + np.array([1e7, -2e7, 5e6])
     mesh = plain(positions, triangles)
     path = tmp_path / f"model.{name.removesuffix('_ascii')}"
     lines = {

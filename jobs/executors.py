@@ -74,7 +74,13 @@ class SerialExecutor:
         """See `Executor.run`."""
         backlog = Backlog(tasks, then)
         while (task := backlog.next()) is not None:
-            result = find_finished(task, place) or run_task(task, place)
+            try:
+                result = find_finished(task, place) or run_task(task, place)
+            except SystemError as error:
+                # An interrupt that comes while a compiled kernel runs leaves it in this disguise.
+                if isinstance(error.__cause__, KeyboardInterrupt):
+                    raise KeyboardInterrupt from None
+                raise
             backlog.add_followers(result)
             yield result
 

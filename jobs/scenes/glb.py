@@ -103,8 +103,12 @@ class GlbWriter:
         return self._meshes.count
 
     def material(self, name: str, colour: tuple[float, float, float], metal: float = 0.0, rough: float = 0.8) -> int:
-        """A new material with the base colour `colour` (0 to 1 each); its index."""
-        surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": metal, "roughnessFactor": rough}
+        """A new material with the sRGB base colour `colour` (0 to 1 each); its index."""
+        surface = {
+            "baseColorFactor": [*(_linear(part) for part in colour), 1.0],
+            "metallicFactor": metal,
+            "roughnessFactor": rough,
+        }
         self._materials.append({"name": name, "pbrMetallicRoughness": surface})
         return len(self._materials) - 1
 
@@ -249,3 +253,8 @@ def _append(file: BinaryIO, path: Path) -> None:
     """Copy the file at `path` to the end of `file`."""
     with path.open("rb") as source:
         shutil.copyfileobj(source, file, _COPY)
+
+
+def _linear(srgb: float) -> float:
+    """Linear light of an sRGB value, both 0 to 1: what glTF's factors are. Rounded, so that bytes do not depend on pow."""
+    return round(srgb / 12.92 if srgb <= 0.04045 else ((srgb + 0.055) / 1.055) ** 2.4, 6)

@@ -27,6 +27,7 @@ class EngineSettings:
     resolution: int = 256  # pixels along the edge of a cube face
     depth_bands: int = 8  # depth buffers per face, the last one for everything however deep
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
+    smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
     proof_resolution: int = 128  # pixels along the edge of an item buffer's cube face; 0: prove nothing
     proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
@@ -116,7 +117,7 @@ class Engine:
         )  # fmt: skip
         occluders.cover(
             mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), bands,
-            self.settings.largest_flooded_set, self._depth,
+            self.settings.largest_flooded_set, self.settings.smallest_window, self._depth,
         )  # fmt: skip
         seen = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,

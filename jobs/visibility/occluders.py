@@ -99,6 +99,7 @@ def cover(
     cluster_breadth: np.ndarray,
     bands: np.ndarray,
     largest_set: int,
+    smallest_window: int,
     depth: np.ndarray,
 ) -> tuple[int, int, int]:
     """Draw the occlusion of all usable triangles, nearest clusters first, into the depth buffers.
@@ -112,6 +113,7 @@ def cover(
             would swallow whole are not tried.
         bands: (b,) float64 increasing depths, the last one infinite.
         largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
+        smallest_window: cores whose image has fewer pixels on a face are not tried there.
         depth: (6, b, r, r) float32, filled with inf before; receives the depths behind which all is hidden.
 
     Returns:
@@ -143,7 +145,7 @@ def cover(
             n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], cored, core)
             for face in range(6):
                 found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
-                if not found:
+                if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
                 # what lies behind the core is deeper than it: bands that end before are of no use
                 first_band = 0

@@ -256,5 +256,5 @@ def _append(file: BinaryIO, path: Path) -> None:
 
 
 def _linear(srgb: float) -> float:
-    """Linear light of an sRGB value, both 0 to 1: what glTF's factors are. Rounded, so that bytes do not depend on pow."""
+    """Linear light of an sRGB value, both 0 to 1: what glTF's factors are. Rounded: bytes must not depend on pow."""
     return round(srgb / 12.92 if srgb <= 0.04045 else ((srgb + 0.055) / 1.055) ** 2.4, 6)

@@ -17,8 +17,7 @@ def write_rooms(path: Path, rooms: int = 3, size: float = 4.0) -> Path:
         lines.append(f"o {name}")
         corners = [[(lo, hi)[number >> axis & 1][axis] for axis in range(3)] for number in range(8)]
         lines.extend("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in corners)
-        for face in BOX:
-            lines.append("f " + " ".join(str(vertices + 1 + corner) for corner in face))
+        lines.extend("f " + " ".join(str(vertices + 1 + corner) for corner in face) for face in BOX)
         vertices += 8
 
     edge = rooms * size

@@ -41,8 +41,7 @@ def largest_stretch(matrices: np.ndarray) -> np.ndarray:
     m = np.asarray(matrices, np.float64)[:, :, :3]
     a = _multiply(m.transpose(0, 2, 1), m)
     scale = a[:, 0, 0] + a[:, 1, 1] + a[:, 2, 2]
-    scale = np.where(scale > 0, scale, 1.0)
-    power = a / scale[:, None, None]
+    power = a / np.where(scale > 0, scale, 1.0)[:, None, None]
     factors = []
     for _ in range(20):
         power = _multiply(power, power)
@@ -147,14 +146,16 @@ def join(
 
 def float32_up(values: np.ndarray | float) -> np.ndarray:
     """The least float32 not below each value."""
-    near = np.asarray(values, np.float64).astype(np.float32)
-    return np.where(near < values, np.nextafter(near, np.float32(np.inf)), near)
+    exact = np.asarray(values, np.float64)
+    near = exact.astype(np.float32)
+    return np.where(near < exact, np.nextafter(near, np.float32(np.inf)), near)
 
 
 def float32_down(values: np.ndarray | float) -> np.ndarray:
     """The greatest float32 not above each value."""
-    near = np.asarray(values, np.float64).astype(np.float32)
-    return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)
+    exact = np.asarray(values, np.float64)
+    near = exact.astype(np.float32)
+    return np.where(near > exact, np.nextafter(near, np.float32(-np.inf)), near)
 
 
 def _spatial_order(nodes: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:

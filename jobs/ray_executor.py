@@ -10,6 +10,7 @@ import contextlib
 import logging
 import os
 import signal
+import socket
 import threading
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ MEMORY_ATTEMPTS = 2
 
 #: Ray's shared memory on this machine, in bytes: results are small records, so the smallest that it accepts will do.
 OBJECT_STORE = 80 << 20
+
+#: How long the head node of a cluster may take to answer, in seconds.
+CONNECT_SECONDS = 10.0
 
 #: Settings of a Ray that is started here; what the user has set stays.
 _ENVIRONMENT = {
@@ -177,6 +181,7 @@ class RayExecutor:
 
         handler = signal.getsignal(signal.SIGTERM)
         if not ray.is_initialized():
+            _knock(self._address)
             quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
             try:
                 if self._address is None:
@@ -204,3 +209,14 @@ class RayExecutor:
         # Ray's own retries are off: they would be endless where memory runs out. `_collect` decides.
         self._remote = ray.remote(num_cpus=1, max_retries=0)(run_task)
         return self._remote
+
+
+def _knock(address: str | None) -> None:
+    """Raises ClusterError where nothing listens at a cluster's address: Ray would wait for minutes."""
+    if address in (None, "auto", "local"):
+        return
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_SECONDS).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise ClusterError(f"no Ray cluster at {address} ({error}): give the head node's host:port") from None

@@ -24,7 +24,7 @@ from jobs.detail.closest import SLIM, Surface, closest, distance2
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
 MANY_CORNERS = 12
 #: A polygon is cut along a triangle's edges if its extent squared is below this times the triangle's, else halved.
-LARGE2 = 6.0
+LARGE2 = 30.0
 #: Neighbours that are walked to before the closest triangle is looked up.
 MANY_WALKS = 6
 #: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.

@@ -217,8 +217,8 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
     Args:
         q: (n, 3) float64 cell coordinates; i0, i1 the ends of the edge.
         depth: of the occludees along the face's axis, at least 1.5 and possibly infinite.
-        sweep: (2, 8) float64, receives up to two sweeps: (u0, u1, v0, v1) at one end, the same at the other. The
-            region is the convex hull of both rectangles.
+        sweep: (4, 4) float64, receives up to two sweeps: rows 2 k and 2 k + 1 are the rectangles (u0, u1, v0, v1) at
+            the two ends of sweep k. The region is the convex hull of both.
 
     Returns:
         The number of sweeps written: 0, 1 or 2. See the module's docstring for the proof.
@@ -257,7 +257,7 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
         sweep[0, 2] = v0 * half + half - SLACK
         sweep[0, 3] = v1 * half + half + SLACK
         for k in range(4):
-            sweep[0, 4 + k] = sweep[0, k]
+            sweep[1, k] = sweep[0, k]
         n = 1
         if zb <= NEAR:
             return n
@@ -267,8 +267,10 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
     else:
         alpha_a = min((depth - za) / (depth - 1.0), 1.0)
         alpha_b = min((depth - zb) / (depth - 1.0), 1.0)
-    sweep[n, 0], sweep[n, 1], sweep[n, 2], sweep[n, 3] = box_image(ua, va, za, alpha_a, half)
-    sweep[n, 4], sweep[n, 5], sweep[n, 6], sweep[n, 7] = box_image(ub, vb, zb, alpha_b, half)
+    k = 2 * n
+    sweep[k, 0], sweep[k, 1], sweep[k, 2], sweep[k, 3] = box_image(ua, va, za, alpha_a, half)
+    k += 1
+    sweep[k, 0], sweep[k, 1], sweep[k, 2], sweep[k, 3] = box_image(ub, vb, zb, alpha_b, half)
     return n + 1
 
 
@@ -286,13 +288,30 @@ def _narrow(t0: float, t1: float, a: float, b: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def sweep_range(s: np.ndarray, u0: float, u1: float, v0: float, v1: float) -> tuple[float, float]:
-    """The range of t in [0, 1] in which the rectangle swept from s[0:4] to s[4:8] meets the window [u0, u1] x [v0, v1].
+def sweep_range(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> tuple[float, float]:
+    """The range of t in [0, 1] in which the rectangle swept from rows[a] to rows[b] meets [u0, u1] x [v0, v1].
 
-    The union of the rectangles over t is the convex hull of the two: a point of the hull is (1 - t) a + t b with a, b
-    in the rectangles, and lies in the rectangle at t. Empty where the first result is above the second.
+    rows: (n, 4 or more) float64, a rectangle (u0, u1, v0, v1) each. The union of the rectangles over t is the convex
+    hull of the two: a point of the hull is (1 - t) p + t q with p in the one, q in the other, and lies in the rectangle
+    at t. Empty where the first result is above the second.
     """
-    t0, t1 = _narrow(0.0, 1.0, s[0] - u1, s[4] - u1)
-    t0, t1 = _narrow(t0, t1, u0 - s[1], u0 - s[5])
-    t0, t1 = _narrow(t0, t1, s[2] - v1, s[6] - v1)
-    return _narrow(t0, t1, v0 - s[3], v0 - s[7])
+    t0, t1 = _narrow(0.0, 1.0, rows[a, 0] - u1, rows[b, 0] - u1)
+    t0, t1 = _narrow(t0, t1, u0 - rows[a, 1], u0 - rows[b, 1])
+    t0, t1 = _narrow(t0, t1, rows[a, 2] - v1, rows[b, 2] - v1)
+    return _narrow(t0, t1, v0 - rows[a, 3], v0 - rows[b, 3])
+
+
+@njit(cache=True, nogil=True)
+def hull_touches(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> bool:
+    """Whether the convex hull of the rectangles rows[a] and rows[b] touches [u0, u1] x [v0, v1]; see `sweep_range`."""
+    if (
+        min(rows[a, 0], rows[b, 0]) > u1 or max(rows[a, 1], rows[b, 1]) < u0
+        or min(rows[a, 2], rows[b, 2]) > v1 or max(rows[a, 3], rows[b, 3]) < v0
+    ):  # fmt: skip
+        return False
+    if rows[a, 0] <= u1 and rows[a, 1] >= u0 and rows[a, 2] <= v1 and rows[a, 3] >= v0:
+        return True
+    if rows[b, 0] <= u1 and rows[b, 1] >= u0 and rows[b, 2] <= v1 and rows[b, 3] >= v0:
+        return True
+    t0, t1 = sweep_range(rows, a, b, u0, u1, v0, v1)
+    return t0 <= t1

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, inflate_edge, sweep_range, to_face
+from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
 
 
 class Mesh(NamedTuple):
@@ -25,38 +25,33 @@ class Mesh(NamedTuple):
     edge_uses: np.ndarray  # (3 m,) int32
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _turn(mesh: Mesh, use: int) -> int:
-    """Which side of an edge a triangle lies on as seen from the cell, for an entry of edge_uses: -1, 0 or +1."""
-    side = mesh.side[use >> 1]
-    return -side if use & 1 else side
-
-
 @njit(cache=True, nogil=True)
-def grow_core(mesh: Mesh, seed: int, first: int, last: int, cored: np.ndarray, core: np.ndarray) -> int:
+def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np.ndarray, core: np.ndarray) -> int:
     """What hangs together with `seed` by safe edges among triangles first ... last - 1; the number written to `core`.
 
-    cored: (m,) bool, triangles that belong to a core already; core: (m,) int32.
+    cored: (m,) int8, at least `mark` where a triangle belongs to a core already; core: (m,) int32.
     """
+    side, usable, triangles, triangle_edges = mesh.side, mesh.usable, mesh.triangles, mesh.triangle_edges
+    edge_start, edge_uses = mesh.edge_start, mesh.edge_uses
     count = 1
     core[0] = seed
-    cored[seed] = True
+    cored[seed] = mark
     head = 0
     while head < count:
         t = core[head]
         head += 1
         for i in range(3):
-            e = mesh.triangle_edges[t, i]
-            mine = mesh.side[t] if mesh.triangles[t, i] < mesh.triangles[t, (i + 1) % 3] else -mesh.side[t]
-            for j in range(mesh.edge_start[e], mesh.edge_start[e + 1]):
-                other = mesh.edge_uses[j] >> 1
+            e = triangle_edges[t, i]
+            mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+            for j in range(edge_start[e], edge_start[e + 1]):
+                other = edge_uses[j] >> 1
                 if (
                     first <= other < last
-                    and not cored[other]
-                    and mesh.usable[other]
-                    and _turn(mesh, mesh.edge_uses[j]) == -mine
+                    and cored[other] < mark
+                    and usable[other]
+                    and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine
                 ):
-                    cored[other] = True
+                    cored[other] = mark
                     core[count] = other
                     count += 1
     return count
@@ -72,9 +67,10 @@ def core_window(
     """
     u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
     nearest = np.inf
+    q, triangles = mesh.q, mesh.triangles
     for k in range(n_core):
-        a, b, c = mesh.triangles[core[k]]
-        n, near, _ = clip_triangle(mesh.q, a, b, c, face, resolution, polygon)
+        a, b, c = triangles[core[k], 0], triangles[core[k], 1], triangles[core[k], 2]
+        n, near, _ = clip_triangle(q, a, b, c, face, resolution, polygon)
         if n:
             nearest = min(nearest, near)
         for i in range(n):
@@ -91,29 +87,55 @@ def core_window(
     return i0 <= i1 and j0 <= j1, i0, i1, j0, j1, nearest
 
 
+class Images(NamedTuple):
+    """What has been worked out of the vertices on one face: rows are filled when they are first asked for."""
+
+    known: np.ndarray  # (n,) int8, the last face for which the row is filled
+    rows: (
+        np.ndarray
+    )  # (n, 6) float64: bounding rectangle of the inflated vertex (u0, u1, v0, v1), its own u and v, pixels
+    ahead: np.ndarray  # (n,) bool: the vertex lies beyond NEAR; else the row is not to be used
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _look_at(
+    q: np.ndarray, known: np.ndarray, rows: np.ndarray, ahead: np.ndarray, vertex: int, face: int, half: float
+) -> bool:
+    """Fill a vertex's row (see `Images`) for a face unless it is; whether the row may be used."""
+    if known[vertex] != face:
+        known[vertex] = face
+        u, v, z = to_face(q, vertex, face)
+        ahead[vertex] = z >= NEAR
+        if z >= NEAR:
+            rows[vertex, 0], rows[vertex, 1], rows[vertex, 2], rows[vertex, 3] = box_image(u, v, z, 1.0, half)
+            rows[vertex, 4] = u / z * half + half
+            rows[vertex, 5] = v / z * half + half
+    return ahead[vertex]
+
+
 @njit(cache=True, nogil=True)
 def flood_from(
     mesh: Mesh,
+    images: Images,
     core: np.ndarray,
     n_core: int,
     face: int,
     resolution: int,
     least_depth: float,
-    i0: int,
-    i1: int,
-    j0: int,
-    j1: int,
+    window: tuple[int, int, int, int],
     epoch: int,
     seen: np.ndarray,
     flood: np.ndarray,
     drawn: np.ndarray,
     unsafe: np.ndarray,
 ) -> tuple[int, int, int]:
-    """Grow a core across safe edges whose inflated images touch the window of pixels [j0, j1] x [i0, i1].
+    """Grow a core across safe edges whose inflated images touch a window of pixels.
 
     Args:
         mesh, core, n_core, face, resolution: as above.
+        images: of the vertices on this face.
         least_depth: depth of the nearest band that is of use.
+        window: (i0, i1, j0, j1) pixels, both ends included.
         epoch: a number that no flood before had; seen: (m,) int32, set to it where a triangle is in the set.
         flood: (largest,) int32, receives the set; where it is full the flood stops, and edges there are unsafe.
         drawn: (largest,) int32, receives those of the set that may touch the window.
@@ -123,10 +145,14 @@ def flood_from(
         (triangles in the set, of these to draw, unsafe edges). Nothing is to draw where one unsafe edge alone spoils
         the whole window at `least_depth`, and thus at all depths.
     """
-    window_u0, window_u1, window_v0, window_v1 = float(i0), i1 + 1.0, float(j0), j1 + 1.0
+    u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
     half = 0.5 * resolution
-    images = np.empty((3, 4), np.float64)
-    sweep = np.empty((2, 8), np.float64)
+    slack = 1e-3
+    # plain arrays: numba counts references where members of tuples are passed on
+    q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
+    triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
+    known, rows, is_ahead = images.known, images.rows, images.ahead
+    sweep = np.empty((4, 4), np.float64)
     n_flood, n_drawn, n_unsafe = 0, 0, 0
     for k in range(min(n_core, flood.shape[0])):
         flood[n_flood] = core[k]
@@ -136,34 +162,29 @@ def flood_from(
     while head < n_flood:
         t = flood[head]
         head += 1
-        ahead = True
-        least_u, most_u, least_v, most_v = np.inf, -np.inf, np.inf, -np.inf
-        for i in range(3):
-            u, v, z = to_face(mesh.q, mesh.triangles[t, i], face)
-            if z < NEAR:
-                ahead = False
-                break
-            images[i, 0], images[i, 1], images[i, 2], images[i, 3] = box_image(u, v, z, 1.0, half)
-            least_u, most_u = min(least_u, u / z), max(most_u, u / z)
-            least_v, most_v = min(least_v, v / z), max(most_v, v / z)
-        slack = 1e-3
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ahead = _look_at(q, known, rows, is_ahead, a, face, half)
+        ahead &= _look_at(q, known, rows, is_ahead, b, face, half)
+        ahead &= _look_at(q, known, rows, is_ahead, c, face, half)
         if not ahead or (
-            least_u * half + half - slack <= window_u1 and most_u * half + half + slack >= window_u0
-            and least_v * half + half - slack <= window_v1 and most_v * half + half + slack >= window_v0
+            min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
+            and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
+            and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
+            and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
         ):  # fmt: skip
             drawn[n_drawn] = t
             n_drawn += 1
         for i in range(3):
-            a, b = mesh.triangles[t, i], mesh.triangles[t, (i + 1) % 3]
+            a, b = triangles[t, i], triangles[t, (i + 1) % 3]
             if ahead:
-                sweep[0, :4] = images[i]
-                sweep[0, 4:] = images[(i + 1) % 3]
-                n_sweeps = 1
+                touches = hull_touches(rows, a, b, u0, u1, v0, v1)
             else:
-                n_sweeps = inflate_edge(mesh.q, a, b, face, resolution, np.inf, sweep)
-            if not _any_touches(sweep, n_sweeps, window_u0, window_u1, window_v0, window_v1):
+                touches = False
+                for k in range(inflate_edge(q, a, b, face, resolution, np.inf, sweep)):
+                    touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
+            if not touches:
                 continue
-            partner = _partner(mesh, t, i, epoch, seen)
+            partner = _partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             if partner >= 0 and n_flood < flood.shape[0]:
@@ -174,41 +195,36 @@ def flood_from(
             unsafe[n_unsafe, 0] = a
             unsafe[n_unsafe, 1] = b
             n_unsafe += 1
-            n_sweeps = inflate_edge(mesh.q, a, b, face, resolution, least_depth, sweep)
+            n_sweeps = inflate_edge(q, a, b, face, resolution, least_depth, sweep)
             for k in range(2 * n_sweeps):
-                row, part = k >> 1, 4 * (k & 1)
-                if (
-                    sweep[row, part] <= window_u0 and sweep[row, part + 1] >= window_u1
-                    and sweep[row, part + 2] <= window_v0 and sweep[row, part + 3] >= window_v1
-                ):  # fmt: skip
+                if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
                     return n_flood, 0, n_unsafe
     return n_flood, n_drawn, n_unsafe
 
 
-@njit(cache=True, nogil=True)
-def _any_touches(sweep: np.ndarray, n: int, u0: float, u1: float, v0: float, v1: float) -> bool:
-    """Whether any of n swept rectangles touches the window [u0, u1] x [v0, v1]."""
-    for k in range(n):
-        s = sweep[k]
-        if min(s[0], s[4]) > u1 or max(s[1], s[5]) < u0 or min(s[2], s[6]) > v1 or max(s[3], s[7]) < v0:
-            continue
-        t0, t1 = sweep_range(s, u0, u1, v0, v1)
-        if t0 <= t1:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _partner(mesh: Mesh, t: int, i: int, epoch: int, seen: np.ndarray) -> int:
+@njit(cache=True, nogil=True, inline="always")
+def _partner(
+    side: np.ndarray,
+    usable: np.ndarray,
+    triangles: np.ndarray,
+    triangle_edges: np.ndarray,
+    edge_start: np.ndarray,
+    edge_uses: np.ndarray,
+    t: int,
+    i: int,
+    epoch: int,
+    seen: np.ndarray,
+) -> int:
     """A usable triangle strictly on the other side of edge i of t, one of the set where there is one; -1 for none."""
-    e = mesh.triangle_edges[t, i]
-    mine = mesh.side[t] if mesh.triangles[t, i] < mesh.triangles[t, (i + 1) % 3] else -mesh.side[t]
+    e = triangle_edges[t, i]
+    mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
     partner = -1
-    for j in range(mesh.edge_start[e], mesh.edge_start[e + 1]):
-        other = mesh.edge_uses[j] >> 1
-        if mesh.usable[other] and _turn(mesh, mesh.edge_uses[j]) == -mine:
+    for j in range(edge_start[e], edge_start[e + 1]):
+        other = edge_uses[j] >> 1
+        if usable[other] and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine:
             if seen[other] == epoch:
-                return other
+                partner = other
+                break
             if partner < 0:
                 partner = other
     return partner

@@ -47,17 +47,26 @@ def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndar
         and hi[0] >= -1.0 and hi[1] >= -1.0 and hi[2] >= -1.0
     ):  # fmt: skip
         return False
-    resolution = depth.shape[2]
     for face in range(6):
-        meets, i0, i1, j0, j1, near, far = box_on_face(lo, hi, face, resolution)
-        if not meets:
-            continue
-        band = bands.shape[0] - 1 if at_all_depths else _band_of(far * (1.0 + 1e-9), bands)
-        nearest = np.float32(near * DEPTH_DOWN)
-        for j in range(j0, j1 + 1):
-            for i in range(i0, i1 + 1):
-                if not depth[face, band, j, i] < nearest:
-                    return False
+        if not box_hidden_on(face, lo, hi, bands, depth, at_all_depths):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def box_hidden_on(
+    face: int, lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool
+) -> bool:
+    """Whether the part of a box inside one face's pyramid and outside the cell is hidden; see `box_hidden`."""
+    meets, i0, i1, j0, j1, near, far = box_on_face(lo, hi, face, depth.shape[2])
+    if not meets:
+        return True
+    band = bands.shape[0] - 1 if at_all_depths else _band_of(far * (1.0 + 1e-9), bands)
+    nearest = np.float32(near * DEPTH_DOWN)
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if not depth[face, band, j, i] < nearest:
+                return False
     return True
 
 

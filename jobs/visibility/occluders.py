@@ -34,8 +34,8 @@ import numpy as np
 from numba import njit
 
 from jobs.visibility.cube_faces import clip_triangle, inflate_edge, inverse_depth_plane, strip_extent, sweep_range
-from jobs.visibility.flood import Mesh, core_window, flood_from, grow_core
-from jobs.visibility.occludees import box_hidden
+from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
+from jobs.visibility.occludees import box_hidden_on
 
 #: Stored depths are rounded up by this factor: more than float32's rounding.
 DEPTH_UP = 1.0 + 5e-7
@@ -121,7 +121,9 @@ def cover(
     """
     m = mesh.triangles.shape[0]
     resolution = depth.shape[2]
-    cored = np.zeros(m, np.bool_)
+    n = mesh.q.shape[0]
+    images = Images(np.full(n, -1, np.int8), np.empty((n, 6), np.float64), np.empty(n, np.bool_))
+    cored = np.zeros(m, np.int8)
     seen = np.zeros(m, np.int32)
     epoch = 0
     core = np.empty(m, np.int32)
@@ -129,21 +131,22 @@ def cover(
     drawn = np.empty(largest_set, np.int32)
     unsafe = np.empty((3 * largest_set, 2), np.int32)
     polygon = np.empty((4, 2), np.float64)
-    sweep = np.empty((2, 8), np.float64)
+    sweep = np.empty((4, 4), np.float64)
     limit = np.empty((resolution, resolution), np.uint8)
     deepest = np.empty((resolution, resolution), np.float64)
     inside = np.empty((resolution, resolution), np.bool_)
+    q, triangles, usable = mesh.q, mesh.triangles, mesh.usable
     cores, flooded, pixels = 0, 0, 0
-    for c in cluster_order:
-        if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c], bands):
-            continue
-        if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, True):
-            continue
-        for seed in range(cluster_start[c], cluster_start[c + 1]):
-            if cored[seed] or not mesh.usable[seed]:
+    for face in range(6):
+        for c in cluster_order:
+            if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c], bands):
                 continue
-            n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], cored, core)
-            for face in range(6):
+            if box_hidden_on(face, cluster_lo[c], cluster_hi[c], bands, depth, True):
+                continue
+            for seed in range(cluster_start[c], cluster_start[c + 1]):
+                if cored[seed] > face or not usable[seed]:
+                    continue
+                n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], face + 1, cored, core)
                 found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
@@ -153,28 +156,23 @@ def cover(
                     first_band += 1
                 epoch += 1
                 n_flood, n_drawn, n_unsafe = flood_from(
-                    mesh, core, n_core, face, resolution, bands[first_band], i0, i1, j0, j1,
+                    mesh, images, core, n_core, face, resolution, bands[first_band], (i0, i1, j0, j1),
                     epoch, seen, flood, drawn, unsafe,
                 )  # fmt: skip
                 flooded += n_flood
                 cores += 1
                 if n_drawn == 0:
                     continue
-                for j in range(j0, j1 + 1):
-                    for i in range(i0, i1 + 1):
-                        limit[j, i] = bands.shape[0]
-                        deepest[j, i] = 0.0
-                        inside[j, i] = False
-                for k in range(n_unsafe):
-                    _limit_by_edge(
-                        mesh.q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band,
-                        i0, i1, j0, j1, sweep, limit,
-                    )  # fmt: skip
-                if not _any_above(limit, first_band, i0, i1, j0, j1):
+                if not _limit(q, unsafe, n_unsafe, face, resolution, bands, first_band, (i0, i1, j0, j1), sweep, limit):
                     continue
+                deepest[j0 : j1 + 1, i0 : i1 + 1] = 0.0
+                inside[j0 : j1 + 1, i0 : i1 + 1] = False
                 for k in range(n_drawn):
-                    a, b, e = mesh.triangles[drawn[k]]
-                    _draw_triangle(mesh.q, a, b, e, face, resolution, i0, i1, j0, j1, polygon, deepest, inside)
+                    t = drawn[k]
+                    _draw_triangle(
+                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
+                        i0, i1, j0, j1, polygon, deepest, inside,
+                    )  # fmt: skip
                 for j in range(j0, j1 + 1):
                     for i in range(i0, i1 + 1):
                         if inside[j, i] and limit[j, i] > first_band:
@@ -186,56 +184,80 @@ def cover(
 
 
 @njit(cache=True, nogil=True)
-def _any_above(limit: np.ndarray, least: int, i0: int, i1: int, j0: int, j1: int) -> bool:
-    """Whether any value in the window [j0, j1] x [i0, i1] is above `least`."""
-    for j in range(j0, j1 + 1):
-        for i in range(i0, i1 + 1):
-            if limit[j, i] > least:
-                return True
-    return False
+def _limit(
+    q: np.ndarray,
+    unsafe: np.ndarray,
+    n_unsafe: int,
+    face: int,
+    resolution: int,
+    bands: np.ndarray,
+    first_band: int,
+    window: tuple[int, int, int, int],
+    sweep: np.ndarray,
+    limit: np.ndarray,
+) -> bool:
+    """Fill `limit` in the window with the first band >= first_band in which an unsafe edge spoils the pixel.
+
+    unsafe: (n_unsafe or more, 2) int32 vertices of edges. Returns False where nothing is left in any band: inflation
+    grows with depth, so what is spoilt in the first band is spoilt in all.
+    """
+    i0, i1, j0, j1 = window
+    limit[j0 : j1 + 1, i0 : i1 + 1] = bands.shape[0]
+    alive = (i1 - i0 + 1) * (j1 - j0 + 1)
+    for k in range(n_unsafe):
+        alive -= _paint(
+            q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands[first_band], first_band, window, sweep, limit
+        )[1]
+        if alive == 0:
+            return False
+    for k in range(n_unsafe):
+        for band in range(bands.shape[0] - 1, first_band, -1):
+            if not _paint(q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands[band], band, window, sweep, limit)[0]:
+                break
+    return True
 
 
 @njit(cache=True, nogil=True)
-def _limit_by_edge(
+def _paint(
     q: np.ndarray,
     a: int,
     b: int,
     face: int,
     resolution: int,
-    bands: np.ndarray,
-    first_band: int,
-    i0: int,
-    i1: int,
-    j0: int,
-    j1: int,
+    depth: float,
+    band: int,
+    window: tuple[int, int, int, int],
     sweep: np.ndarray,
     limit: np.ndarray,
-) -> None:
-    """Lower `limit` (pixels [j0, j1] x [i0, i1]) to the first band >= first_band whose inflated edge touches them."""
-    for band in range(bands.shape[0] - 1, first_band - 1, -1):
-        touched = False
-        n_sweeps = inflate_edge(q, a, b, face, resolution, bands[band], sweep)
-        for k in range(n_sweeps):
-            s = sweep[k]
-            least = min(s[2], s[6])
-            most = max(s[3], s[7])
-            if least > j1 + 1 or most < j0:
+) -> tuple[bool, int]:
+    """Lower `limit` to `band` in the window's pixels that edge a-b, inflated for occludees up to `depth`, touches.
+
+    Returns whether it touches any, and how many were lowered.
+    """
+    i0, i1, j0, j1 = window
+    touched, lowered = False, 0
+    for k in range(0, 2 * inflate_edge(q, a, b, face, resolution, depth, sweep), 2):
+        least = min(sweep[k, 2], sweep[k + 1, 2])
+        most = max(sweep[k, 3], sweep[k + 1, 3])
+        if least > j1 + 1 or most < j0:
+            continue
+        row0 = max(int(np.floor(least)), j0) if least > j0 else j0
+        row1 = min(int(np.floor(most)), j1) if most < j1 + 1 else j1
+        left_step, right_step = sweep[k + 1, 0] - sweep[k, 0], sweep[k + 1, 1] - sweep[k, 1]
+        for j in range(row0, row1 + 1):
+            t0, t1 = sweep_range(sweep, k, k + 1, float(i0), i1 + 1.0, float(j), j + 1.0)
+            if t0 > t1:
                 continue
-            row0 = max(int(np.floor(least)), j0) if least > j0 else j0
-            row1 = min(int(np.floor(most)), j1) if most < j1 + 1 else j1
-            for j in range(row0, row1 + 1):
-                t0, t1 = sweep_range(s, float(i0), i1 + 1.0, float(j), j + 1.0)
-                if t0 > t1:
-                    continue
-                left = min(s[0] + t0 * (s[4] - s[0]), s[0] + t1 * (s[4] - s[0]))
-                right = max(s[1] + t0 * (s[5] - s[1]), s[1] + t1 * (s[5] - s[1]))
-                first = int(np.floor(left)) if left > i0 else i0
-                last = int(np.floor(right)) if right < i1 + 1 else i1
-                for i in range(first, min(last, i1) + 1):
-                    limit[j, i] = min(limit[j, i], band)
-                touched = True
-        if not touched:
-            return
+            left = sweep[k, 0] + min(t0 * left_step, t1 * left_step)
+            right = sweep[k, 1] + max(t0 * right_step, t1 * right_step)
+            first = int(np.floor(left)) if left > i0 else i0
+            last = int(np.floor(right)) if right < i1 + 1 else i1
+            for i in range(first, min(last, i1) + 1):
+                if limit[j, i] > band:
+                    limit[j, i] = band
+                    lowered += 1
+            touched = True
+    return touched, lowered
 
 
 @njit(cache=True, nogil=True)

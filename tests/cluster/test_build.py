@@ -12,7 +12,6 @@ import pytest
 from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
-from jobs.ray_executor import RayExecutor
 from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow
@@ -69,11 +68,3 @@ def test_killed_workers_do_not_change_a_byte(model, serial, ray_executor, tmp_pa
         stop.set()
         killer.join()
     assert killed
-
-
-def test_an_address_where_no_cluster_is(model, tmp_path):
-    from jobs.errors import ClusterError
-
-    executor = RayExecutor(address="127.0.0.1:1")
-    with pytest.raises(ClusterError, match="127"):
-        build([model], tmp_path / "store", PARAMETERS, executor)

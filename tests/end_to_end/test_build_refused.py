@@ -79,6 +79,11 @@ def test_parameters_out_of_range(model, tmp_path, options):
     assert not (tmp_path / "store" / "manifest.json").exists()
 
 
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "no-such-host.invalid:6379", "nonsense", "ray://127.0.0.1:1"])
+def test_an_address_where_no_cluster_is(model, tmp_path, address):
+    assert address in refused("build", model, tmp_path / "store", "--ray-address", address)
+
+
 def test_a_store_that_is_a_file(model, tmp_path):
     (tmp_path / "store").write_text("mine")
     assert "is a file" in refused("build", model, tmp_path / "store", "--executor", "serial")

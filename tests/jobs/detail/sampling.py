@@ -11,7 +11,13 @@ from numba import njit
 
 
 def sample(points: np.ndarray, triangles: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """About `count` points, (k, 3): half of them spread by area, half evenly over triangles, and some corners."""
+    (
+        """About `count` points, (k, 3): half of them spread by area, half evenly over triangles, and corners.
+
+    All corners if they are not more than `count`, else some.
+    """
+        ""
+    )
     p = points[triangles]
     areas = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
     each = rng.integers(0, len(triangles), count - count // 2)
@@ -25,10 +31,12 @@ def sample(points: np.ndarray, triangles: np.ndarray, count: int, rng: np.random
     u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
     # every fourth point on an edge, where distances often peak
     v[::4] = 0
-    corners = rng.integers(0, len(triangles), max(1, count // 8))
+    corners = np.unique(triangles)
+    if len(corners) > count:
+        corners = rng.choice(corners, max(1, count // 8), replace=False)
     t = p[chosen]
     inner = t[:, 0] + u[:, None] * (t[:, 1] - t[:, 0]) + v[:, None] * (t[:, 2] - t[:, 0])
-    return np.concatenate([inner, p[corners, rng.integers(0, 3, len(corners))]])
+    return np.concatenate([inner, points[corners]])
 
 
 @njit(cache=True, nogil=True)

@@ -31,3 +31,7 @@ class MemoryLimitError(JobError, MemoryError):
 
 class ClusterError(JobError, ConnectionError):
     """The cluster does not answer."""
+
+
+class CodeMismatchError(JobError, RuntimeError):
+    """A worker runs other code than the driver."""

@@ -13,12 +13,14 @@ import importlib.metadata
 import importlib.util
 import json
 import shutil
+import socket
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from jobs.errors import CodeMismatchError
 from jobs.memory import peak_memory, reset_peak
 from jobs.workplace import Workplace
 
@@ -51,16 +53,10 @@ class Stage:
     code: tuple[str, ...]  # modules and packages whose source decides the result
     distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
 
-    @functools.cached_property
+    @property
     def version(self) -> str:
         """Hash of the stage's source and of the versions it relies on: changed code never meets old results."""
-        digest = hashlib.blake2b(digest_size=16)
-        for module in self.code:
-            for path in _sources(module):
-                digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-        for distribution in self.distributions:
-            digest.update(f"{distribution}=={importlib.metadata.version(distribution)}\0".encode())
-        return digest.hexdigest()
+        return _version(self.code, self.distributions)
 
     def load(self) -> Work:
         """Imports the stage's function."""
@@ -82,6 +78,14 @@ class Task:
     def key(self) -> str:
         """32 hex digits: the same for the same content, whatever the order of the payload's names."""
         return content_key(self.stage.name, self.stage.version, self.payload)
+
+    def check_code(self) -> None:
+        """Raises CodeMismatchError in a process whose code is not the one that the key was made of."""
+        if content_key(self.stage.name, self.stage.version, self.payload) != self.key:
+            raise CodeMismatchError(
+                f"{socket.gethostname()} runs another version of vLOD, or of what it relies on, than the driver: "
+                "install the same on all machines of the cluster, and do not change it during a build"
+            )
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,7 @@ def run_task(task: Task, place: Workplace) -> TaskResult:
     """
     if finished := find_finished(task, place):
         return finished
+    task.check_code()
     stage, key = task.stage.name, task.key
     unusable = place.result(stage, key)
     if unusable.exists():
@@ -148,6 +153,17 @@ def run_task(task: Task, place: Workplace) -> TaskResult:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
     return TaskResult(task, record, seconds, core_seconds, peak, reused=False)
+
+
+@functools.lru_cache(maxsize=64)
+def _version(code: tuple[str, ...], distributions: tuple[str, ...]) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for module in code:
+        for path in _sources(module):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    for distribution in distributions:
+        digest.update(f"{distribution}=={importlib.metadata.version(distribution)}\0".encode())
+    return digest.hexdigest()
 
 
 def _sources(module: str) -> list[Path]:

@@ -33,17 +33,20 @@ class Case:
 
 
 CASES = {
-    "mid_conference": Case("mid_conference/conference.obj", ("--max-depth", "4", "--up", "y")),
-    "mid_hospital": Case("mid_hospital/hospital_three_floors.glb", ("--max-depth", "4")),
+    "mid_hospital": Case(
+        "mid_hospital/hospital_three_floors.glb",
+        ("--region", "-8", "6.9", "-20", "8", "8.2", "0", "--cell-size", "1.8"),
+    ),
+    "mid_conference": Case("mid_conference/conference.obj", ("--max-depth", "3")),
     "small_willowgarage": Case(
-        "small_willowgarage/willowgarage_visual.dae", ("--max-depth", "5", "--triangles-per-cell", "1000")
+        "small_willowgarage/willowgarage_visual.dae", ("--max-depth", "4", "--triangles-per-cell", "1000")
     ),
     "mid_lost_empire": Case("mid_lost_empire/lost_empire.obj", ("--max-depth", "3")),
     "cad_sportscar": Case("cad_sportscar/sportsCar.obj", ("--max-depth", "3")),
-    "plant": Case("plant", ("--max-depth", "4"), 300_000),
-    "city": Case("city", ("--max-depth", "4"), 300_000),
-    "offices": Case("offices", ("--max-depth", "4"), 300_000),
-}  # fmt: skip
+    "plant": Case("plant", ("--region", "-2", "1.4", "-48", "40", "2", "0", "--cell-size", "3.5"), 300_000),
+    "offices": Case("offices", ("--max-depth", "3"), 300_000),
+    "city": Case("city", ("--max-depth", "3"), 300_000),
+}
 
 
 def vlod(*arguments: str) -> str:

@@ -1,11 +1,14 @@
 """What can go wrong in a job beside bad input: a branch of the tree in `storage.errors`.
 
-VlodError
-└── JobError                a build could not go on
-├── WorkInUseError      another build is using the work directory (also a BlockingIOError)
-├── WorkerLostError     a task's worker died again and again (also a RuntimeError)
-├── MemoryLimitError    a task needs more memory than there is (also a MemoryError)
-└── ClusterError        the cluster does not answer (also a ConnectionError)
+    VlodError
+    └── JobError                a build could not go on
+        ├── WorkInUseError      another build is using the work directory (also a BlockingIOError)
+        ├── WorkerLostError     a task's worker died again and again (also a RuntimeError)
+        ├── MemoryLimitError    a task needs more memory than there is (also a MemoryError)
+        ├── ClusterError        the cluster does not answer (also a ConnectionError)
+        └── CodeMismatchError   a worker runs other code than the driver (also a RuntimeError)
+
+Each says in one line what to do; the command line prints it and exits with 2.
 """
 
 from __future__ import annotations

@@ -121,11 +121,17 @@ def verify(context: click.Context, store: str, samples: int, cells: int, seed: i
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.progress import progress_for
     from jobs.verify import verify as verify_store
+    from storage.errors import CorruptStoreError
 
-    with progress_for() as progress:
-        progress.start("verify")
-        report = verify_store(store, samples=samples, cells=cells, seed=seed, progress=progress.update)
-        progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
+    try:
+        with progress_for() as progress:
+            progress.start("verify")
+            report = verify_store(store, samples=samples, cells=cells, seed=seed, progress=progress.update)
+            progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
+    except CorruptStoreError as error:
+        # So damaged that it cannot even be opened: for this command that is a failed check, not wrong usage.
+        click.echo(json.dumps({"store": store, "ok": False, "problems": [str(error)]}, indent=1) if as_json else error)
+        context.exit(1)
     if as_json:
         click.echo(json.dumps(report.to_json(), indent=1))
     else:

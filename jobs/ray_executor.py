@@ -140,9 +140,8 @@ class RayExecutor:
                     "or machines with more memory"
                 ) from None
             return None
-        except exceptions.RayTaskError as error:
-            raise error.cause from error
         except (
+            exceptions.TaskCancelledError,  # this executor cancels nothing that it still waits for: somebody else did
             exceptions.WorkerCrashedError,
             exceptions.NodeDiedError,
             exceptions.ObjectLostError,
@@ -156,6 +155,8 @@ class RayExecutor:
                     "look for what kills it (memory, most often), then run the same command again"
                 ) from None
             return None
+        except exceptions.RayTaskError as error:
+            raise error.cause from error
         return result
 
     def _cancel(self, running: dict[Any, _Attempt]) -> None:

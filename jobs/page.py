@@ -230,9 +230,10 @@ def _map(store: Any, play: dict[str, Any]) -> tuple[str, str]:
         "cells",
         flip_y=up == 2,
     )
+    least, most = int(layer["triangles"].min(initial=2**62)), int(layer["triangles"].max(initial=0))
     return picture, (
-        f"The {len(layer):,} cells at the height of the path, from above: the darker, the more triangles can be seen "
-        f"(up to {int(layer['triangles'].max(initial=0)):,}). The line is the path."
+        f"The {len(layer):,} cells at the height of the path, from above: the darker, the more triangles can be seen, "
+        f"from {min(least, most):,} to {most:,}. The line is the path."
     )
 
 

@@ -65,12 +65,14 @@ def box_map(
 
     a, b = spot(lo), spot(hi)
     left, right = np.minimum(a, b), np.maximum(a, b)
-    top = float(values.max(initial=0.0)) or 1.0
+    least = float(values.min(initial=np.inf))
+    spread = max(float(values.max(initial=0.0)) - least, 1e-9)
     parts = []
     for corner, far, value in zip(left.tolist(), right.tolist(), values.tolist(), strict=True):
+        shade = _shade((value - least) / spread)
         parts.append(
             f'<rect x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{far[0] - corner[0]:.1f}" '
-            f'height="{far[1] - corner[1]:.1f}" fill="{_shade(value / top)}" stroke="#ffffff" stroke-width="0.4">'
+            f'height="{far[1] - corner[1]:.1f}" fill="{shade}" stroke="#ffffff" stroke-width="0.4">'
             f"<title>{value:,.0f}</title></rect>"
         )
     track = " ".join(f"{x:.1f},{y:.1f}" for x, y in spot(path).tolist()) if len(path) else ""
@@ -155,5 +157,5 @@ def _legend(names: Sequence[str]) -> str:
 def _shade(part: float) -> str:
     """From pale to dark teal."""
     pale, dark = (226, 241, 240), (8, 64, 74)
-    part = math.sqrt(min(max(part, 0.0), 1.0))
+    part = min(max(part, 0.0), 1.0)
     return "#" + "".join(f"{round(p + (d - p) * part):02x}" for p, d in zip(pale, dark, strict=True))

@@ -18,7 +18,12 @@ from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow
 
-VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
+#: As started from a terminal: a shell's background jobs ignore interrupts, and what they start does too.
+VLOD = [
+    sys.executable,
+    "-c",
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);from storage.command import main; main()",
+]
 OPTIONS = ["--triangles-per-cell", "150", "--max-depth", "3", "--region", "0", "0", "0", "8", "3.5", "2"]
 EXECUTORS = [["--executor", "serial"], ["--executor", "ray", "--workers", "2"]]
 

@@ -28,7 +28,7 @@ def shards(store):
 def test_executors_and_numbers_of_workers_write_the_same_shards(real_model, tmp_path):
     model = real_model("mid_hospital/hospital_three_floors.glb")
     # Some rooms of the ground floor: every stage has several tasks, and cells come in more than one wave.
-    region = ["--region", "2", "2", "0.5", "8", "8", "2.5"]
+    region = ["--region", "-4", "0.5", "-6", "8", "2.5", "8"]
     options = ["--triangles-per-cell", "30000", "--max-depth", "4", *region]
     ways = {
         "serial": ["--executor", "serial"],

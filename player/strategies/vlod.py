@@ -68,8 +68,8 @@ class Vlod:
             for cell in cells:
                 self._set_of(cell)
         else:
-            self._wishes = [cell for cell in cells if cell not in self._sets]
-            self._loader.wish(self._wishes)
+            self._wishes = cells
+            self._wish()
         known = tuple(cell for cell in cells if cell in self._sets)
         state = (self._cell, known, self.pixel_error)
         if state == self._ahead_for:
@@ -98,8 +98,13 @@ class Vlod:
     def _enter(self, cell: int) -> None:
         if cell != self._cell:
             self._cell = cell
-            if self._loader is not None and cell >= 0 and cell not in self._sets:
-                self._loader.wish([cell, *self._wishes])
+            self._wish()
+
+    def _wish(self) -> None:
+        """Asks for the present cell before all others: a wish list replaces the one before it."""
+        if self._loader is not None and self._cell >= 0:
+            cells = dict.fromkeys([self._cell, *self._wishes])
+            self._loader.wish([cell for cell in cells if cell not in self._sets])
 
     def _cell_list(self, cell: int) -> Ids | None:
         """The cell's list at the allowed error; None while it has not arrived."""

@@ -113,6 +113,19 @@ def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:
         strategy.close()
 
 
+def test_wishes_for_cells_ahead_keep_the_present_one_first(room: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    wished: list[list[int]] = []
+    monkeypatch.setattr("player.prefetch.Loader.wish", lambda _, keys: wished.append(list(keys)))
+    strategy = Vlod(scene_of(room), pixel_error=1, wait=False)
+    try:
+        cell = strategy.choose(inside_view()).cell
+        strategy.ahead(inside_view(), np.zeros(3))
+        assert [keys[0] for keys in wished] == [cell, cell]
+        assert len(wished[1]) > 1
+    finally:
+        strategy.close()
+
+
 def test_what_lies_ahead_comes_before_what_lies_behind(odd_room: Store) -> None:
     strategy = Vlod(scene_of(odd_room), pixel_error=1, wait=True)
     view = view_from((2.8, 3, 1), (1, 0, 0))  # beyond x = 3, cells see everything

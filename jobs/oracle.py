@@ -58,7 +58,7 @@ class Oracle:
         if not len(self._triangles):
             return found, distance
         waiting = np.arange(n)
-        start = np.ascontiguousarray(origins, np.float32)
+        start = np.array(origins, np.float32)  # a copy: rays that go on start further along
         gone = np.zeros(n)
         for _ in range(MOST_PASSES):
             hit = self._scene.run(start[waiting], np.ascontiguousarray(directions[waiting], np.float32), output=True)

@@ -1,0 +1,115 @@
+"""The oracle itself: what its rays see, pass and confirm."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jobs.oracle import Oracle, examine, surface_points
+
+LO, HI = np.zeros(3), np.ones(3)
+
+
+def squares(*xs: float, flipped: bool = False, half: float = 5.0) -> np.ndarray:
+    """(2 n, 3, 3) float32: squares at x = xs around (x, 0.5, 0.5) whose fronts face -x, or +x where flipped."""
+    corners = np.array([[-half, -half], [-half, half], [half, half], [half, -half]]) + 0.5
+    triangles = []
+    for x in xs:
+        points = np.column_stack([np.full(4, x), corners])
+        for a, b, c in ((0, 1, 2), (0, 2, 3)):
+            triangles.append(points[[a, c, b] if flipped else [a, b, c]])
+    front = np.cross(triangles[0][1] - triangles[0][0], triangles[0][2] - triangles[0][0])[0]
+    assert (front > 0) == flipped
+    return np.array(triangles, np.float32)
+
+
+def oracle_of(parts: list[tuple[np.ndarray, bool]]) -> tuple[Oracle, np.ndarray, np.ndarray]:
+    """An oracle over parts (triangles, one-sided), drawable n the n-th; the owners and all triangles."""
+    triangles = np.concatenate([part for part, _ in parts])
+    owner = np.repeat(np.arange(len(parts)), [len(part) for part, _ in parts])
+    one_sided = np.repeat([sided for _, sided in parts], [len(part) for part, _ in parts])
+    return Oracle(triangles, owner, one_sided), owner, triangles
+
+
+def rays(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from the unit cell roughly along +x."""
+    rng = np.random.default_rng(seed)
+    origins = surface_points(LO, HI, count, rng)
+    directions = np.column_stack([np.ones(count), rng.uniform(-0.3, 0.3, (count, 2))]).astype(np.float32)
+    return origins, directions
+
+
+def test_rays_pass_the_backs_of_one_sided_drawables() -> None:
+    oracle, owner, _ = oracle_of([(squares(2, 3, 4, flipped=True), True), (squares(5), False)])
+    origins, directions = rays(50)
+    found, distance = oracle.cast(origins, directions)
+    assert (owner[found] == 1).all()
+    np.testing.assert_allclose(origins[:, 0] + distance, 5, atol=1e-4)
+
+
+def test_backs_of_two_sided_drawables_stop_rays() -> None:
+    oracle, owner, _ = oracle_of([(squares(2, flipped=True), False), (squares(5), False)])
+    found, _ = oracle.cast(*rays(50))
+    assert (owner[found] == 0).all()
+
+
+def test_rays_are_left_as_they_were() -> None:
+    oracle, _, _ = oracle_of([(squares(2, 3, 4, flipped=True), True), (squares(5), False)])
+    origins, directions = rays(50)
+    before = origins.copy(), directions.copy()
+    oracle.cast(origins, directions)
+    np.testing.assert_array_equal(origins, before[0])
+    np.testing.assert_array_equal(directions, before[1])
+
+
+def test_rays_that_hit_nothing_say_so() -> None:
+    oracle, _, _ = oracle_of([(squares(-3), False)])
+    found, distance = oracle.cast(*rays(20))
+    assert (found == -1).all()
+    assert np.isinf(distance).all()
+
+
+def test_confirm_refuses_what_lies_behind_another_drawable() -> None:
+    oracle, owner, _ = oracle_of([(squares(2), True), (squares(5), True)])
+    origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)
+    distances = np.array([oracle.confirm(origin, direction, t) for t in range(4)])
+    assert np.nanmin(distances[owner == 0]) == 1.5
+    assert np.isnan(distances[owner == 1]).all()
+
+
+def test_confirm_looks_through_backs_of_one_sided_drawables() -> None:
+    oracle, owner, _ = oracle_of([(squares(2, flipped=True), True), (squares(5), True)])
+    origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)
+    distances = [oracle.confirm(origin, direction, int(t)) for t in np.flatnonzero(owner == 1)]
+    assert np.nanmin(distances) == 4.5
+
+
+def test_a_drawable_left_out_is_missed_and_no_other_is() -> None:
+    oracle, owner, triangles = oracle_of(
+        [(squares(2, flipped=True), True), (squares(3, half=0.2), False), (squares(4), True), (squares(6), True)]
+    )
+    rng = np.random.default_rng(1)
+    sound = examine(oracle, owner, triangles, LO, HI, np.array([1, 2]), 2000, rng)
+    assert sound.missed == []
+    assert sound.rays == 2000
+    assert sound.seen.tolist() == [1, 2]
+    accused = examine(oracle, owner, triangles, LO, HI, np.array([2]), 2000, np.random.default_rng(1))
+    assert [sight.drawable for sight in accused.missed] == [1]
+    origin = np.array(accused.missed[0].origin)
+    assert (origin >= LO).all()
+    assert (origin <= HI).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.tuples(*[st.floats(-1e7, 1e7)] * 3),
+    st.tuples(*[st.floats(0.0078125, 1024)] * 3),
+    st.integers(0, 9),
+)
+def test_rays_start_in_the_cell(low: tuple[float, ...], size: tuple[float, ...], seed: int) -> None:
+    lo = np.array(low)
+    hi = lo + np.maximum(np.array(size), np.abs(lo) * 1e-5)
+    points = surface_points(lo, hi, 40, np.random.default_rng(seed)).astype(np.float64)
+    assert (points >= lo).all()
+    assert (points <= hi).all()

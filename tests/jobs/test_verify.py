@@ -1,0 +1,36 @@
+"""Verify: sound stores pass, and a store that leaves out what can be seen is caught."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from jobs.verify import verify
+from storage.store import Geometry
+from tests.storage.tiny_store import make_store, room_parts
+
+
+def test_a_store_that_shows_everything_is_sound(tmp_path: Path) -> None:
+    make_store(tmp_path / "store", room_parts(), depth=1)
+    report = verify(str(tmp_path / "store"), samples=300, cells=8)
+    assert report.problems == []
+    assert report.rays == 8 * 300
+    assert report.missed == 0
+
+
+def test_a_drawable_left_out_of_one_cell_is_named(tmp_path: Path) -> None:
+    table = [part.name for part in room_parts()].index("table")
+
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        part = geometry.nodes["part"][geometry.drawables["node"][cut]]
+        return cut[part != table] if int(cell["key"]) == 0o17 else cut
+
+    make_store(tmp_path / "store", room_parts(), depth=1, visible=visible)
+    report = verify(str(tmp_path / "store"), samples=300, cells=8)
+    assert not report.ok
+    assert report.missed == len(report.problems) == 1
+    assert "(key 15) misses drawable" in report.problems[0]
+    assert "'table'" in report.problems[0]
+    seen = [cell.missed for cell in report.sampled if cell.key == 0o17]
+    assert seen == [1]

@@ -22,7 +22,7 @@ from storage.octree import Octree
 from storage.store import Geometry
 from storage.tables import CELL
 
-#: Octree levels that one task covers below its root.
+#: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
 
 
@@ -56,12 +56,12 @@ def compute_subtree(
     parameters: CellParameters,
     progress: Callable[[int, int], None] | None = None,
 ) -> SubtreeResult:
-    """Work out the cells of the LEVELS_PER_TASK levels below a key.
+    """Work out the cells of the levels of one task below a key.
 
     The octree's own root is worked out too; any other root is known to need splitting.
     """
     top = octree.depth(root_key)
-    bottom = min(top + LEVELS_PER_TASK, parameters.max_depth)
+    bottom = min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)
     first = [root_key] if root_key == octree.ROOT else _children_in_view(root_key, parameters)
     candidates = _descendants(first, bottom, parameters)
     cuts = {key: _cut(store, key, parameters) for key in candidates}
@@ -91,6 +91,14 @@ def compute_subtree(
     offsets = np.concatenate([[0], np.cumsum([len(s) for s in sets], dtype=np.int64)]).astype(np.int64)
     ids = np.concatenate(sets).astype(np.uint32) if sets else np.zeros(0, np.uint32)
     return SubtreeResult(cells, offsets, ids, open_keys)
+
+
+def levels_of_task(top: int, max_depth: int) -> int:
+    """How many levels a task works out below a root at depth `top`.
+
+    The first wave takes what is odd, so that the last one, which has by far the most cells, has whole tasks.
+    """
+    return (max_depth - top) % LEVELS_PER_TASK or LEVELS_PER_TASK
 
 
 def _morton(key: int) -> int:
@@ -132,11 +140,11 @@ def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> 
     ids = np.flatnonzero(used)
     rows = store.drawables[ids]
 
-    def mesh(drawable: int) -> tuple[np.ndarray, np.ndarray]:
-        positions, triangles = store.mesh(drawable)[:2]
-        return np.rint(positions.astype(np.float64) / store.grid.step).astype(np.int32), triangles
-
-    return build_soup(ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"], mesh, cluster_size)
+    surfaces = store.surfaces(ids)
+    return build_soup(
+        ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
+        surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
+    )  # fmt: skip
 
 
 def _compute_cell(

@@ -215,24 +215,27 @@ class _Meshes:
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._bytes = 0
 
-    def triangles(self, drawable: int) -> np.ndarray:
-        """(m, 3, 3) float32 corners in model units."""
-        corners = self._kept.pop(drawable, None)
-        if corners is None:
-            mesh = self._store.mesh(drawable)
-            corners = mesh.positions[mesh.triangles]
-            self._bytes += corners.nbytes
-        self._kept[drawable] = corners
+    def triangles(self, drawables: np.ndarray) -> list[np.ndarray]:
+        """(m, 3, 3) float32 corners in model units of each of some drawables."""
+        missing = np.array([d for d in drawables.tolist() if d not in self._kept], np.int64)
+        found = self._store.surfaces(missing)
+        corners = (found.points[found.triangles] * self._store.grid.step).astype(np.float32)
+        fresh = [part.copy() for part in np.split(corners, np.cumsum(found.triangle_counts)[:-1])]
+        self._kept.update(zip(missing.tolist(), fresh, strict=True) if len(missing) else ())
+        for d in drawables.tolist():
+            self._kept.move_to_end(d)
+        parts = [self._kept[d] for d in drawables.tolist()]
+        self._bytes += corners.nbytes
         while self._bytes > MESH_CACHE and len(self._kept) > 1:
             self._bytes -= self._kept.popitem(last=False)[1].nbytes
-        return corners
+        return parts
 
 
 def _ask_oracle(store: Store, meshes: _Meshes, cell: int, samples: int, seed: int, report: VerifyReport) -> None:
     """Rays from one cell."""
     began = time.perf_counter()
     cut, vlod = store.cut(cell), store.vlod(cell)
-    parts = [meshes.triangles(int(d)) for d in cut]
+    parts = meshes.triangles(cut)
     owner = np.repeat(cut, [len(part) for part in parts])
     triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
     row = store.cells[cell]

@@ -50,6 +50,9 @@ from storage.tables import (
 #: Bytes of decoded packs that a store keeps in memory.
 GEOMETRY_CACHE = 1 << 28
 
+#: Drawables that `Geometry.surfaces` places at once.
+SURFACES_AT_ONCE = 4096
+
 #: Bytes of decoded cell shards' tables, sets and deltas that a store keeps in memory.
 CELL_CACHE = 1 << 26
 
@@ -71,6 +74,15 @@ class Mesh(NamedTuple):
     triangles: NDArray[np.uint32]  # (m, 3), counter-clockwise as seen from the side the normals point to
     normals: NDArray[np.float32]  # (n, 3), unit
     colours: NDArray[np.uint8]  # (n, 4), red, green, blue, opacity
+
+
+class Surfaces(NamedTuple):
+    """The triangles of several drawables in grid coordinates, one drawable after the other."""
+
+    points: NDArray[np.int32]  # (n, 3), multiples of grid.step
+    triangles: NDArray[np.int64]  # (m, 3) into points, wound as in `Mesh`
+    vertex_counts: NDArray[np.int64]  # (d,) points of each drawable
+    triangle_counts: NDArray[np.int64]  # (d,) triangles of each drawable
 
 
 class Problem(NamedTuple):
@@ -164,6 +176,46 @@ class Geometry:
                 triangles.flags.writeable = False
         positions.flags.writeable = False
         return Mesh(positions, triangles, normals, local.colours)
+
+    def surfaces(self, drawables: NDArray[np.integer]) -> Surfaces:
+        """Positions and triangles of drawables (d,), the very same as `mesh` gives: for those who need many at once."""
+        ids = np.asarray(drawables, np.int64)
+        vertices = self.geometry["vertices"][self.drawables["geometry"][ids]].astype(np.int64)
+        triangles = self.drawables["triangles"][ids].astype(np.int64)
+        points = np.empty((int(vertices.sum()), 3), np.int32)
+        corners = np.empty((int(triangles.sum()), 3), np.int64)
+        point_starts = np.concatenate([[0], np.cumsum(vertices)])
+        corner_starts = np.concatenate([[0], np.cumsum(triangles)])
+        for begin in range(0, len(ids), SURFACES_AT_ONCE):
+            end = min(begin + SURFACES_AT_ONCE, len(ids))
+            self._place(
+                ids[begin:end],
+                points[point_starts[begin] : point_starts[end]],
+                corners[corner_starts[begin] : corner_starts[end]],
+            )
+        corners += np.repeat(point_starts[:-1], triangles)[:, None]
+        return Surfaces(points, corners, vertices, triangles)
+
+    def _place(self, ids: NDArray[np.int64], points: NDArray[np.int32], corners: NDArray[np.int64]) -> None:
+        """Fill `points` and `corners`, which begin anew for each drawable, of the drawables `ids`."""
+        rows = self.drawables[ids]
+        geometry = self.geometry[rows["geometry"]]
+        local = [self.local_mesh(int(number)) for number in rows["geometry"]]
+        placed = np.concatenate([mesh.positions for mesh in local]).astype(np.float64)
+        np.concatenate([mesh.triangles for mesh in local], out=corners)
+        placed *= np.repeat(geometry["scale"].astype(np.float64), geometry["vertices"])[:, None]
+        instances = rows["instance"]
+        moved = np.repeat(instances >= 0, geometry["vertices"])
+        if moved.any():
+            matrices = self.instances["matrix"][np.repeat(instances, geometry["vertices"])[moved]]
+            x, y, z = placed[moved].T
+            for i in range(3):  # the arithmetic of transform_points, for many matrices at once
+                m = matrices[:, i]
+                placed[moved, i] = ((m[:, 0] * x + m[:, 1] * y) + m[:, 2] * z) + m[:, 3]
+        points[:] = self.grid.snap(placed)
+        mirrored = np.array([n >= 0 and _cofactors(self.instances["matrix"][n])[1] for n in np.unique(instances)])
+        turned = np.repeat(mirrored[np.searchsorted(np.unique(instances), instances)], rows["triangles"])
+        corners[turned] = corners[turned][:, [0, 2, 1]]
 
     def source_faces(self, drawable: int) -> tuple[int, NDArray[np.uint32]]:
         """For a finest level: the part that it belongs to, and for each of its triangles (m,) the face of that part.

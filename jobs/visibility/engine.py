@@ -33,7 +33,7 @@ class EngineSettings:
     proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 1
+    version: int = 2
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,12 @@ class Engine:
         half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
         occluders.to_cell_coordinates(soup.vertices, centre, half, self._q)
         occluders.find_sides(soup.vertices, soup.triangles, soup.triangle_drawable, active, centre, half, self._side)
+        proven: np.ndarray | None = None
+        if most_triangles is not None and soup.triangle_counts[places].sum() > most_triangles:
+            # seeing too much already is quicker to find out than how much too much
+            proven = self._prove(places, most_triangles)
+            if soup.triangle_counts[proven].sum() > most_triangles:
+                return None
         side = self._side
         usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
         cluster_lo = (soup.cluster_lo - centre) / half
@@ -127,25 +133,33 @@ class Engine:
         visible = places[seen]
         if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
             return None
-        proven = np.zeros(0, np.int64)
-        if self.settings.proof_resolution:
+        if proven is None:
             proven = self._prove(visible)
-        return CellVisibility(soup.drawables[visible], soup.drawables[proven])
+        return CellVisibility(soup.drawables[visible], soup.drawables[np.intersect1d(proven, visible)])
 
-    def _prove(self, visible: np.ndarray) -> np.ndarray:
-        """Which of the reported drawables an item buffer sees from the cell's corners."""
+    def _prove(self, places: np.ndarray, most_triangles: int | None = None) -> np.ndarray:
+        """Which of some drawables item buffers see from the cell's corners; enough of them to be more than a number.
+
+        Args:
+            places: (k,) drawables, as positions in the soup: all that may be seen.
+            most_triangles: stop as soon as drawables of more triangles than this are seen.
+        """
         soup = self.soup
-        reported = np.zeros(len(soup.drawables), np.bool_)
-        reported[visible] = True
-        triangles = np.flatnonzero(reported[soup.triangle_drawable])
         seen = np.zeros(len(soup.drawables), np.bool_)
+        if not self.settings.proof_resolution:
+            return places[:0]
+        drawn = np.zeros(len(soup.drawables), np.bool_)
+        drawn[places] = True
+        triangles = np.flatnonzero(drawn[soup.triangle_drawable])
         for corner in PROOF_CORNERS[: self.settings.proof_points]:
             eye = np.array(corner) * (1 - 1e-9)
             item_buffer.see(
                 self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, eye,
                 self.settings.proof_resolution, seen,
             )  # fmt: skip
-        proven: np.ndarray = visible[seen[visible]]
+            if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
+                break
+        proven: np.ndarray = places[seen[places]]
         return proven
 
 

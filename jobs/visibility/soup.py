@@ -5,7 +5,7 @@ Built once per task from the drawables that any of its cells may use; a cell the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,34 +53,24 @@ def build_soup(
     one_sided: np.ndarray,
     cone_axis: np.ndarray,
     cone_angle: np.ndarray,
-    mesh: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    points: np.ndarray,
+    corners: np.ndarray,
+    counts: np.ndarray,
     cluster_size: int = 32,
 ) -> Soup:
-    """Gather the drawables' triangles, weld them by position, find their edges and cut them into clusters.
+    """Weld the drawables' triangles by position, find their edges and cut them into clusters.
 
     Args:
         drawables: (d,) sorted ids.
         one_sided: (d,) bool; cone_axis: (d, 3), cone_angle: (d,) normal cones.
-        mesh: gives (positions (n, 3) int32 in grid units, triangles (m, 3)) of an id.
+        points: (n, 3) int32 positions in grid units; corners: (m, 3) triangles into them, one drawable after the other.
+        counts: (d,) int64 triangles of each drawable.
         cluster_size: most triangles in a cluster.
 
     Triangles without area (after snapping to the grid) cannot be seen and hide nothing; they are left out.
     """
     ids = np.asarray(drawables, np.int64)
-    all_positions: list[np.ndarray] = []
-    all_triangles: list[np.ndarray] = []
-    counts = np.zeros(len(ids), np.int64)
-    base = 0
-    for k, d in enumerate(ids):
-        positions, triangles = mesh(int(d))
-        all_positions.append(positions)
-        all_triangles.append(triangles.astype(np.int64) + base)
-        counts[k] = len(triangles)
-        base += len(positions)
-    points = np.concatenate(all_positions) if all_positions else np.zeros((0, 3), np.int32)
-    corners = np.concatenate(all_triangles) if all_triangles else np.zeros((0, 3), np.int64)
     owner = np.repeat(np.arange(len(ids), dtype=np.int32), counts)
-
     index, first = topology.weld(np.ascontiguousarray(points, np.int32))
     vertices = points[first].astype(np.int32)
     welded = index[corners].astype(np.int32).reshape(-1, 3)

@@ -72,6 +72,30 @@ def test_normals_of_stretched_instances_stay_at_right_angles(tmp_path: Path) -> 
         assert (np.sum(across * mesh.normals[mesh.triangles[:, 0]], axis=1) > 0.999).all()
 
 
+@pytest.mark.parametrize("at_once", [1, 5, 4096])
+def test_surfaces_are_the_meshes_one_after_the_other(
+    store: Store, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("storage.store.SURFACES_AT_ONCE", at_once)
+    ids = np.arange(len(store.drawables))[::-2]
+    found = store.surfaces(ids)
+    assert found.points.dtype == np.int32
+    vertex, triangle = 0, 0
+    for place, drawable in enumerate(ids.tolist()):
+        mesh = store.mesh(drawable)
+        n, m = found.vertex_counts[place], found.triangle_counts[place]
+        assert np.array_equal(found.points[vertex : vertex + n] * store.grid.step, mesh.positions)
+        assert np.array_equal(found.triangles[triangle : triangle + m] - vertex, mesh.triangles)
+        vertex, triangle = vertex + n, triangle + m
+    assert (vertex, triangle) == (len(found.points), len(found.triangles))
+
+
+def test_surfaces_of_nothing(store: Store) -> None:
+    found = store.surfaces(np.zeros(0, np.int64))
+    assert found.points.shape == (0, 3)
+    assert found.triangles.shape == (0, 3)
+
+
 def test_boxes_hold_the_meshes(store: Store) -> None:
     for drawable, row in enumerate(store.drawables):
         mesh = store.mesh(drawable)

@@ -23,7 +23,8 @@ where y_z >= D no a > 0 is possible, so the edge is cut at depth D.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from jobs.visibility.kernels import kernel
 
 #: Edges nearer than this depth (cell coordinates) are inflated by the whole cell, as one box.
 NEAR = 1.25
@@ -35,7 +36,7 @@ SLACK = 1e-6
 BEYOND = 1e12
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def to_face(q: np.ndarray, i: int, face: int) -> tuple[float, float, float]:
     """(u, v, z) of vertex i of q (n, 3) float64 on a face."""
     axis = face >> 1
@@ -45,7 +46,7 @@ def to_face(q: np.ndarray, i: int, face: int) -> tuple[float, float, float]:
     return q[i, (axis + 1) % 3], q[i, (axis + 2) % 3], z
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def box_on_face(
     lo: np.ndarray, hi: np.ndarray, face: int, resolution: int
 ) -> tuple[bool, int, int, int, int, float, float]:
@@ -83,7 +84,7 @@ def box_on_face(
     return True, i0, i1, j0, j1, z0, z1
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def clip_triangle(
     q: np.ndarray, i0: int, i1: int, i2: int, face: int, resolution: int, polygon: np.ndarray
 ) -> tuple[int, float, float]:
@@ -143,7 +144,7 @@ def clip_triangle(
     return n, CLIP, far
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def strip_extent(polygon: np.ndarray, n: int, v0: float, v1: float) -> tuple[float, float]:
     """Smallest and largest u of a convex polygon (n corners, pixel coordinates) where v0 <= v <= v1.
 
@@ -171,7 +172,7 @@ def strip_extent(polygon: np.ndarray, n: int, v0: float, v1: float) -> tuple[flo
     return least, most
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def inverse_depth_plane(
     q: np.ndarray, i0: int, i1: int, i2: int, face: int, resolution: int
 ) -> tuple[bool, float, float, float]:
@@ -197,7 +198,7 @@ def inverse_depth_plane(
     return True, a, b, (nz - nu - nv) / d
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def box_image(u: float, v: float, z: float, alpha: float, half: float) -> tuple[float, float, float, float]:
     """Bounding rectangle (u0, u1, v0, v1) in pixels of the box (u, v, z) + [-alpha, alpha]^3 at depths > 0."""
     z0, z1 = z - alpha, z + alpha
@@ -210,7 +211,7 @@ def box_image(u: float, v: float, z: float, alpha: float, half: float) -> tuple[
     return u0 * half + half - SLACK, u1 * half + half + SLACK, v0 * half + half - SLACK, v1 * half + half + SLACK
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, depth: float, sweep: np.ndarray) -> int:
     """Where occludees of at most `depth` may be seen past an edge, as two swept rectangles in pixel coordinates.
 
@@ -274,7 +275,7 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
     return n + 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _narrow(t0: float, t1: float, a: float, b: float) -> tuple[float, float]:
     """The part of [t0, t1] where a + t (b - a) <= 0."""
     slope = b - a
@@ -287,7 +288,7 @@ def _narrow(t0: float, t1: float, a: float, b: float) -> tuple[float, float]:
     return t0, t1
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def sweep_range(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> tuple[float, float]:
     """The range of t in [0, 1] in which the rectangle swept from rows[a] to rows[b] meets [u0, u1] x [v0, v1].
 
@@ -301,7 +302,7 @@ def sweep_range(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: floa
     return _narrow(t0, t1, v0 - rows[a, 3], v0 - rows[b, 3])
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def hull_touches(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> bool:
     """Whether the convex hull of the rectangles rows[a] and rows[b] touches [u0, u1] x [v0, v1]; see `sweep_range`."""
     if (

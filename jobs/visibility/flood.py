@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
+from jobs.visibility.kernels import kernel
 
 
 class Mesh(NamedTuple):
@@ -25,7 +25,7 @@ class Mesh(NamedTuple):
     edge_uses: np.ndarray  # (3 m,) int32
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np.ndarray, core: np.ndarray) -> int:
     """What hangs together with `seed` by safe edges among triangles first ... last - 1; the number written to `core`.
 
@@ -57,7 +57,7 @@ def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def core_window(
     mesh: Mesh, core: np.ndarray, n_core: int, face: int, resolution: int, polygon: np.ndarray
 ) -> tuple[bool, int, int, int, int, float]:
@@ -97,7 +97,7 @@ class Images(NamedTuple):
     ahead: np.ndarray  # (n,) bool: the vertex lies beyond NEAR; else the row is not to be used
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _look_at(
     q: np.ndarray, known: np.ndarray, rows: np.ndarray, ahead: np.ndarray, vertex: int, face: int, half: float
 ) -> bool:
@@ -113,7 +113,7 @@ def _look_at(
     return ahead[vertex]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def flood_from(
     mesh: Mesh,
     images: Images,
@@ -128,6 +128,7 @@ def flood_from(
     flood: np.ndarray,
     drawn: np.ndarray,
     unsafe: np.ndarray,
+    sweep: np.ndarray,
 ) -> tuple[int, int, int]:
     """Grow a core across safe edges whose inflated images touch a window of pixels.
 
@@ -140,6 +141,7 @@ def flood_from(
         flood: (largest,) int32, receives the set; where it is full the flood stops, and edges there are unsafe.
         drawn: (largest,) int32, receives those of the set that may touch the window.
         unsafe: (3 largest, 2) int32, receives the vertices of the unsafe edges that touch the window.
+        sweep: (4, 4) float64 scratch.
 
     Returns:
         (triangles in the set, of these to draw, unsafe edges). Nothing is to draw where one unsafe edge alone spoils
@@ -152,7 +154,6 @@ def flood_from(
     q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
     triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
     known, rows, is_ahead = images.known, images.rows, images.ahead
-    sweep = np.empty((4, 4), np.float64)
     n_flood, n_drawn, n_unsafe = 0, 0, 0
     for k in range(min(n_core, flood.shape[0])):
         flood[n_flood] = core[k]
@@ -202,7 +203,7 @@ def flood_from(
     return n_flood, n_drawn, n_unsafe
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _partner(
     side: np.ndarray,
     usable: np.ndarray,

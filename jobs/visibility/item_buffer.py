@@ -7,12 +7,12 @@ what is hidden from the whole cell cannot stand before anything that a ray from 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
+from jobs.visibility.kernels import allocating_kernel, kernel
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def see(
     q: np.ndarray,
     triangles: np.ndarray,
@@ -84,7 +84,7 @@ def see(
                     seen[item[face, j, i]] = True
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _face_of(corners: np.ndarray) -> int:
     """The one face whose pyramid holds all three corners (3, 3), or -1."""
     face = -1

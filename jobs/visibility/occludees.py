@@ -8,7 +8,6 @@ the occludee's nearest depth there, in a band that is valid for its farthest dep
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.visibility.cube_faces import (
     box_on_face,
@@ -16,12 +15,13 @@ from jobs.visibility.cube_faces import (
     inverse_depth_plane,
     strip_extent,
 )
+from jobs.visibility.kernels import allocating_kernel, kernel
 
 #: An occludee's nearest depth is rounded down by this factor before it is compared.
 DEPTH_DOWN = 1.0 - 5e-7
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _band_of(z: float, bands: np.ndarray) -> int:
     """The first band that is valid for depth z."""
     band = 0
@@ -30,7 +30,7 @@ def _band_of(z: float, bands: np.ndarray) -> int:
     return band
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool) -> bool:
     """Whether a box is hidden from the whole cell.
 
@@ -53,7 +53,7 @@ def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndar
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def box_hidden_on(
     face: int, lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool
 ) -> bool:
@@ -70,7 +70,7 @@ def box_hidden_on(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def triangle_hidden(
     q: np.ndarray, a: int, b: int, c: int, bands: np.ndarray, depth: np.ndarray, polygon: np.ndarray
 ) -> bool:
@@ -120,7 +120,7 @@ def triangle_hidden(
     return True
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def find_visible(
     q: np.ndarray,
     side: np.ndarray,
@@ -181,7 +181,7 @@ def find_visible(
     return visible
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _may_touch(q: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether the triangle's box meets the cell, [-1, 1]^3."""
     grow = 1.0 + 1e-9

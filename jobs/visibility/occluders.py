@@ -31,17 +31,18 @@ infinite; a buffer is kept for each, and what is written to band b holds for occ
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from jobs.visibility.cube_faces import clip_triangle, inflate_edge, inverse_depth_plane, strip_extent, sweep_range
+from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
+from jobs.visibility.kernels import allocating_kernel, kernel
 from jobs.visibility.occludees import box_hidden_on
+from jobs.visibility.silhouettes import SPAN_NUMBERS, find_limits
 
 #: Stored depths are rounded up by this factor: more than float32's rounding.
 DEPTH_UP = 1.0 + 5e-7
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def find_sides(
     vertices: np.ndarray,
     triangles: np.ndarray,
@@ -81,7 +82,7 @@ def find_sides(
             side[t] = -1
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def to_cell_coordinates(vertices: np.ndarray, centre: np.ndarray, half: np.ndarray, q: np.ndarray) -> None:
     """Q (n, 3) float64 = (vertices (n, 3) int32 - centre) / half, all in grid units."""
     for i in range(vertices.shape[0]):
@@ -89,7 +90,7 @@ def to_cell_coordinates(vertices: np.ndarray, centre: np.ndarray, half: np.ndarr
             q[i, k] = (vertices[i, k] - centre[k]) / half[k]
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def cover(
     mesh: Mesh,
     cluster_start: np.ndarray,
@@ -132,9 +133,10 @@ def cover(
     unsafe = np.empty((3 * largest_set, 2), np.int32)
     polygon = np.empty((4, 2), np.float64)
     sweep = np.empty((4, 4), np.float64)
+    spans = np.empty((bands.shape[0], 2, SPAN_NUMBERS), np.float64)
     limit = np.empty((resolution, resolution), np.uint8)
     deepest = np.empty((resolution, resolution), np.float64)
-    inside = np.empty((resolution, resolution), np.bool_)
+    rows = np.empty((resolution, 2), np.int32)
     q, triangles, usable = mesh.q, mesh.triangles, mesh.usable
     cores, flooded, pixels = 0, 0, 0
     for face in range(6):
@@ -157,25 +159,38 @@ def cover(
                 epoch += 1
                 n_flood, n_drawn, n_unsafe = flood_from(
                     mesh, images, core, n_core, face, resolution, bands[first_band], (i0, i1, j0, j1),
-                    epoch, seen, flood, drawn, unsafe,
+                    epoch, seen, flood, drawn, unsafe, sweep,
                 )  # fmt: skip
                 flooded += n_flood
                 cores += 1
                 if n_drawn == 0:
                     continue
-                if not _limit(q, unsafe, n_unsafe, face, resolution, bands, first_band, (i0, i1, j0, j1), sweep, limit):
-                    continue
                 deepest[j0 : j1 + 1, i0 : i1 + 1] = 0.0
-                inside[j0 : j1 + 1, i0 : i1 + 1] = False
+                limit[j0 : j1 + 1, i0 : i1 + 1] = 0
                 for k in range(n_drawn):
                     t = drawn[k]
                     _draw_triangle(
                         q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, deepest, inside,
+                        i0, i1, j0, j1, polygon, deepest, limit, bands.shape[0],
                     )  # fmt: skip
+                if not find_limits(
+                    q,
+                    unsafe,
+                    n_unsafe,
+                    face,
+                    resolution,
+                    bands,
+                    first_band,
+                    (i0, i1, j0, j1),
+                    sweep,
+                    spans,
+                    rows,
+                    limit,
+                ):
+                    continue
                 for j in range(j0, j1 + 1):
-                    for i in range(i0, i1 + 1):
-                        if inside[j, i] and limit[j, i] > first_band:
+                    for i in range(rows[j, 0], rows[j, 1] + 1):
+                        if limit[j, i] > first_band:
                             stored = np.float32(deepest[j, i] * DEPTH_UP)
                             pixels += 1
                             for band in range(first_band, limit[j, i]):
@@ -183,84 +198,7 @@ def cover(
     return cores, flooded, pixels
 
 
-@njit(cache=True, nogil=True)
-def _limit(
-    q: np.ndarray,
-    unsafe: np.ndarray,
-    n_unsafe: int,
-    face: int,
-    resolution: int,
-    bands: np.ndarray,
-    first_band: int,
-    window: tuple[int, int, int, int],
-    sweep: np.ndarray,
-    limit: np.ndarray,
-) -> bool:
-    """Fill `limit` in the window with the first band >= first_band in which an unsafe edge spoils the pixel.
-
-    unsafe: (n_unsafe or more, 2) int32 vertices of edges. Returns False where nothing is left in any band: inflation
-    grows with depth, so what is spoilt in the first band is spoilt in all.
-    """
-    i0, i1, j0, j1 = window
-    limit[j0 : j1 + 1, i0 : i1 + 1] = bands.shape[0]
-    alive = (i1 - i0 + 1) * (j1 - j0 + 1)
-    for k in range(n_unsafe):
-        alive -= _paint(
-            q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands[first_band], first_band, window, sweep, limit
-        )[1]
-        if alive == 0:
-            return False
-    for k in range(n_unsafe):
-        for band in range(bands.shape[0] - 1, first_band, -1):
-            if not _paint(q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands[band], band, window, sweep, limit)[0]:
-                break
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _paint(
-    q: np.ndarray,
-    a: int,
-    b: int,
-    face: int,
-    resolution: int,
-    depth: float,
-    band: int,
-    window: tuple[int, int, int, int],
-    sweep: np.ndarray,
-    limit: np.ndarray,
-) -> tuple[bool, int]:
-    """Lower `limit` to `band` in the window's pixels that edge a-b, inflated for occludees up to `depth`, touches.
-
-    Returns whether it touches any, and how many were lowered.
-    """
-    i0, i1, j0, j1 = window
-    touched, lowered = False, 0
-    for k in range(0, 2 * inflate_edge(q, a, b, face, resolution, depth, sweep), 2):
-        least = min(sweep[k, 2], sweep[k + 1, 2])
-        most = max(sweep[k, 3], sweep[k + 1, 3])
-        if least > j1 + 1 or most < j0:
-            continue
-        row0 = max(int(np.floor(least)), j0) if least > j0 else j0
-        row1 = min(int(np.floor(most)), j1) if most < j1 + 1 else j1
-        left_step, right_step = sweep[k + 1, 0] - sweep[k, 0], sweep[k + 1, 1] - sweep[k, 1]
-        for j in range(row0, row1 + 1):
-            t0, t1 = sweep_range(sweep, k, k + 1, float(i0), i1 + 1.0, float(j), j + 1.0)
-            if t0 > t1:
-                continue
-            left = sweep[k, 0] + min(t0 * left_step, t1 * left_step)
-            right = sweep[k, 1] + max(t0 * right_step, t1 * right_step)
-            first = int(np.floor(left)) if left > i0 else i0
-            last = int(np.floor(right)) if right < i1 + 1 else i1
-            for i in range(first, min(last, i1) + 1):
-                if limit[j, i] > band:
-                    limit[j, i] = band
-                    lowered += 1
-            touched = True
-    return touched, lowered
-
-
-@njit(cache=True, nogil=True)
+@kernel()
 def _draw_triangle(
     q: np.ndarray,
     a: int,
@@ -274,9 +212,10 @@ def _draw_triangle(
     j1: int,
     polygon: np.ndarray,
     deepest: np.ndarray,
-    inside: np.ndarray,
+    limit: np.ndarray,
+    most: int,
 ) -> None:
-    """Mark the pixels whose centres the triangle covers; raise `deepest` to its largest depth in all it touches."""
+    """Set `limit` to `most` where the triangle covers a centre; raise `deepest` to its depth in all it touches."""
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
         return
@@ -308,10 +247,10 @@ def _draw_triangle(
                     z = 1.0 / w * (1.0 + 1e-9)
             deepest[j, i] = max(deepest[j, i], z)
             if middle_left <= i + 0.5 <= middle_right:
-                inside[j, i] = True
+                limit[j, i] = most
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _least_inflation(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray) -> float:
     """The least alpha (see `cube_faces`) of any band that reaches behind a box; depths by the largest coordinate."""
     near, far = 0.0, 0.0

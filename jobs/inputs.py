@@ -1,7 +1,8 @@
 """Which files a model consists of, and a key of their content.
 
 A file brings along those that it names (OBJ: material libraries and their textures; glTF: buffers and images; DAE:
-images), a folder brings along everything in it. Files that are named but missing are the import's to report.
+images; PLY: a texture), found as the import finds them; a folder brings along everything in it. Files that are named
+but missing are the import's to report.
 """
 
 from __future__ import annotations
@@ -11,12 +12,13 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from urllib.parse import unquote
 
+from jobs.importing.resources import Resources
 from storage.errors import ModelError
 
 _LIBRARY = re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE)
 _MAP = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
+_TEXTURE = re.compile(rb"^comment\s+TextureFile\s+(.+?)\s*$", re.MULTILINE)
 _IMAGE = re.compile(rb"<init_from>\s*(?:<ref>)?\s*([^<]+?)\s*<")
 
 
@@ -42,34 +44,44 @@ def model_files(path: Path) -> list[Path]:
     if not path.exists():
         raise ModelError(f"{path}: there is no such file or folder; check the path")
     found = {path}
-    found.update(file for file in _named_by(path) if file.is_file())
+    resources = Resources(path)
+    found.update(file for name in _named_by(path, resources) if (file := resources.find(name)) is not None)
     return sorted(found)
 
 
-def _named_by(path: Path) -> Iterator[Path]:
+def _named_by(path: Path, resources: Resources) -> Iterator[str]:
     kind = path.suffix.lower()
     try:
         if kind == ".obj":
-            for library in _LIBRARY.findall(path.read_bytes()):
-                material = path.parent / library.decode("utf-8", "replace")
-                yield material
-                if material.is_file():
-                    for line in _MAP.findall(material.read_bytes()):
-                        text = line.decode("utf-8", "replace")
-                        yield path.parent / text
-                        yield path.parent / text.split()[-1]
+            for library in _texts(_LIBRARY, path.read_bytes()):
+                yield library
+                material = resources.read(library)
+                for text in _texts(_MAP, material or b""):
+                    yield text
+                    yield text.split()[-1]
         elif kind == ".gltf":
             content = json.loads(path.read_bytes())
             for section in ("buffers", "images"):
                 for entry in content.get(section, ()):
                     uri = str(entry.get("uri", ""))
                     if uri and not uri.startswith("data:"):
-                        yield path.parent / unquote(uri)
+                        yield uri
         elif kind == ".dae":
-            for image in _IMAGE.findall(path.read_bytes()):
-                yield path.parent / unquote(image.decode("utf-8", "replace"))
+            yield from _texts(_IMAGE, path.read_bytes())
+        elif kind == ".ply":
+            yield from _texts(_TEXTURE, _head(path))
     except (OSError, ValueError, AttributeError, TypeError):
         return
+
+
+def _texts(pattern: re.Pattern[bytes], content: bytes) -> list[str]:
+    return [text.decode("utf-8", "replace") for text in pattern.findall(content)]
+
+
+def _head(path: Path) -> bytes:
+    """The header of a PLY file, or what of it comes in its first 64 KiB."""
+    with path.open("rb") as file:
+        return file.read(1 << 16).partition(b"end_header")[0]
 
 
 def _hash(path: Path) -> str:

@@ -31,14 +31,12 @@ NEEDS = "needs.json"
 _TABLES = ("storage.tables", "storage.columns")
 _GEOMETRY = (*_TABLES, "storage.frames", "storage.geometry", "storage.writer")
 
-IMPORT = Stage(
-    "import", "jobs.stages:import_files", ("jobs.stages", "jobs.importing", *_TABLES), ("numpy", "trimesh", "pycollada")
-)
+IMPORT = Stage("import", "jobs.stages:import_files", ("jobs.stages", "jobs.importing", *_TABLES), ("numpy", "trimesh"))
 DETAIL = Stage(
     "detail",
     "jobs.stages:make_detail",
     ("jobs.stages", "jobs.assemble", "jobs.objects", "jobs.detail", *_GEOMETRY),
-    ("numpy", "numba", "fast-simplification", "imagecodecs", "zstandard"),
+    ("numpy", "numba", "fast-simplification", "zstandard"),
 )
 TABLES = Stage(
     "tables", "jobs.stages:join_tables", ("jobs.stages", "jobs.assemble", "storage.octree", *_GEOMETRY), ("zstandard",)
@@ -46,7 +44,7 @@ TABLES = Stage(
 CELLS = Stage(
     "cells",
     "jobs.stages:compute_cells",
-    ("jobs.stages", "jobs.cells", "jobs.visibility", "storage.detail", "storage.octree", *_TABLES),
+    ("jobs.stages", "jobs.cells", "jobs.visibility", "storage.detail", "storage.octree", "storage.store", *_GEOMETRY),
     ("numpy", "numba"),
 )
 LAYOUT = Stage("layout", "jobs.stages:lay_out_cells", ("jobs.stages", "storage.octree", *_TABLES))

@@ -82,7 +82,7 @@ def top_level_imports(path):
 
 @pytest.mark.parametrize("module", ["jobs/commands.py", "storage/command.py", "player/commands.py", "jobs/stages.py"])
 def test_light_modules_import_heavy_ones_late(module):
-    heavy = {"numba", "trimesh", "ray", "moderngl", "moderngl_window", "scipy", "embreex", "imagecodecs"}
+    heavy = {"numba", "trimesh", "ray", "moderngl", "moderngl_window", "scipy", "embreex"}
     assert heavy.isdisjoint(top_level_imports(ROOT / module))
 
 
@@ -98,7 +98,7 @@ def test_help_comes_at_once():
     assert min(took) < 1.5
     said = "import storage.command, sys; print(*sorted(m for m in sys.modules if '.' not in m))"
     loaded = subprocess.run([sys.executable, "-c", said], check=True, capture_output=True, text=True).stdout.split()
-    assert {"numba", "ray", "trimesh", "moderngl", "scipy", "imagecodecs"}.isdisjoint(loaded)
+    assert {"numba", "ray", "trimesh", "moderngl", "scipy"}.isdisjoint(loaded)
 
 
 def commands():

@@ -37,15 +37,21 @@ CASES = {
         "mid_hospital/hospital_three_floors.glb",
         ("--region", "-8", "6.9", "-20", "8", "8.2", "0", "--cell-size", "1.8"),
     ),
-    "mid_conference": Case("mid_conference/conference.obj", ("--max-depth", "3")),
+    "mid_conference": Case(
+        "mid_conference/conference.obj",
+        ("--region", "-600", "200", "-700", "1400", "350", "200", "--cell-size", "80"),
+    ),
     "small_willowgarage": Case(
         "small_willowgarage/willowgarage_visual.dae", ("--max-depth", "4", "--triangles-per-cell", "1000")
     ),
-    "mid_lost_empire": Case("mid_lost_empire/lost_empire.obj", ("--max-depth", "3")),
-    "cad_sportscar": Case("cad_sportscar/sportsCar.obj", ("--max-depth", "3")),
+    "mid_lost_empire": Case(
+        "mid_lost_empire/lost_empire.obj",
+        ("--region", "15", "2", "-76", "27", "3.5", "-58", "--cell-size", "1.3"),
+    ),
+    "cad_sportscar": Case("cad_sportscar/sportsCar.obj", ("--max-depth", "4")),
     "plant": Case("plant", ("--region", "-2", "1.4", "-48", "40", "2", "0", "--cell-size", "3.5"), 300_000),
-    "offices": Case("offices", ("--max-depth", "3"), 300_000),
-    "city": Case("city", ("--max-depth", "3"), 300_000),
+    "offices": Case("offices", ("--region", "-18", "1.2", "-12", "10", "2", "8", "--cell-size", "1.3"), 300_000),
+    "city": Case("city", ("--region", "30", "1.2", "-70", "60", "2", "-45", "--cell-size", "1.3"), 300_000),
 }
 
 

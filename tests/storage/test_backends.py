@@ -81,7 +81,6 @@ def place(request: pytest.FixtureRequest, original: Store, tmp_path: Path) -> It
         yield "memory://copy"
         memory.rm("/copy", recursive=True)
     else:
-        pytest.importorskip("aiohttp")
         yield from _served(folder, _Ranges if request.param == "http" else _Plain)
 
 
@@ -120,8 +119,6 @@ def test_a_missing_shard_is_named(original: Store, tmp_path: Path, scheme: str) 
     }
     if scheme == "memory":
         fsspec.filesystem("memory").put(str(folder), "/holed", recursive=True)
-    if scheme == "http":
-        pytest.importorskip("aiohttp")
     serving = places[scheme]()
     store = open_store(next(serving))
     with pytest.raises(CorruptStoreError, match=f"{name} is missing"):
@@ -134,7 +131,6 @@ def test_a_missing_shard_is_named(original: Store, tmp_path: Path, scheme: str) 
 
 
 def test_ranges_fetch_less_than_the_files(original: Store) -> None:
-    pytest.importorskip("aiohttp")
     serving = _served(Path(original.files.url), _Ranges)
     store = open_store(next(serving))
     opened = store.bytes_fetched
@@ -144,7 +140,6 @@ def test_ranges_fetch_less_than_the_files(original: Store) -> None:
 
 
 def test_a_server_that_is_not_there() -> None:
-    pytest.importorskip("aiohttp")
     with pytest.raises(StoreUnreachableError, match=r"http://127.0.0.1:9/none/manifest.json cannot be read"):
         open_store("http://127.0.0.1:9/none")
 

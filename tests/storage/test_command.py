@@ -36,7 +36,7 @@ def test_help_lists_all_commands_and_imports_nothing_heavy() -> None:
     code = (
         "import sys\nfrom storage import command\n"
         "try:\n    command.vlod.main(['--help'])\nexcept SystemExit as end:\n    assert end.code == 0\n"
-        "heavy = {'numpy', 'numba', 'rich', 'fsspec', 'zstandard', 'imagecodecs', 'ray', 'trimesh', 'moderngl'}\n"
+        "heavy = {'numpy', 'numba', 'rich', 'fsspec', 'zstandard', 'ray', 'trimesh', 'moderngl'}\n"
         "sys.stderr.write(repr(sorted(heavy & set(sys.modules))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -115,9 +115,12 @@ def build(
 )
 @click.option("--cells", type=click.IntRange(min=0), default=100, show_default=True, help="Cells to sample.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the sampling.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes that cast rays.  [default: one for each core]")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
-def verify(context: click.Context, store: str, samples: int, cells: int, seed: int, as_json: bool) -> None:
+def verify(
+    context: click.Context, store: str, samples: int, cells: int, seed: int, workers: int | None, as_json: bool
+) -> None:
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.progress import progress_for
     from jobs.verify import verify as verify_store
@@ -126,7 +129,9 @@ def verify(context: click.Context, store: str, samples: int, cells: int, seed: i
     try:
         with progress_for() as progress:
             progress.start("verify")
-            report = verify_store(store, samples=samples, cells=cells, seed=seed, progress=progress.update)
+            report = verify_store(
+                store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress.update
+            )
             progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
     except CorruptStoreError as error:
         # So damaged that it cannot even be opened: for this command that is a failed check, not wrong usage.

@@ -9,10 +9,14 @@ What is checked:
 
 from __future__ import annotations
 
+import os
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -24,8 +28,10 @@ from storage.store import Store
 
 #: Problems of one kind that are spelled out; the rest is counted.
 MOST_TOLD = 20
-#: Bytes of triangles kept for the next cell.
+#: Bytes of triangles kept for the next cell, of all workers together.
 MESH_CACHE = 1 << 30
+#: Triangles in the cuts of all sampled cells from which on several processes are worth their start.
+WORTH_SHARING = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,7 @@ def verify(
     samples: int = 1000,
     cells: int = 100,
     seed: int = 0,
+    workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> VerifyReport:
     """Check a store.
@@ -125,15 +132,18 @@ def verify(
         url: of the store.
         samples: rays per sampled cell; 0 leaves the oracle out.
         cells: how many cells to sample, spread evenly over the octree's order; all where the store has no more.
-        seed: of the sampling.
+        seed: of the sampling. The findings do not depend on the number of workers.
+        workers: processes that cast rays; by default as many as there are cores, or one where there is little to do.
         progress: called with (done, total) sampled cells.
 
     Raises:
         StoreNotFoundError, CorruptStoreError: the store cannot even be opened.
-        ParameterError: samples or cells below 0.
+        ParameterError: samples or cells below 0, workers below 1.
     """
     if samples < 0 or cells < 0:
         raise ParameterError(f"samples and cells must not be negative, not {samples} and {cells}")
+    if workers is not None and workers < 1:
+        raise ParameterError(f"workers must be 1 or more, not {workers}")
     began = time.perf_counter()
     store = open_store(url)
     computed = np.flatnonzero(store.cells["computed"])
@@ -143,15 +153,18 @@ def verify(
     if report.ok:
         _check_deltas(store, computed, report)
         chosen = computed[_spread(len(computed), cells)]
-        meshes = _Meshes(store)
-        for done, cell in enumerate(chosen):
-            if progress is not None:
-                progress(done, len(chosen))
-            _check_cut(store, int(cell), report)
-            if samples:
-                _ask_oracle(store, meshes, int(cell), samples, seed, report)
         if progress is not None:
-            progress(len(chosen), len(chosen))
+            progress(0, len(chosen))
+        with _oracles(store, chosen, samples, seed, workers) as findings:
+            for done, (cell, found) in enumerate(zip(chosen, findings, strict=True), 1):
+                _check_cut(store, int(cell), report)
+                if found is not None:
+                    before = report.missed
+                    report.sampled.append(found[0])
+                    for count, line in enumerate(_accusations(store, int(cell), found[1]), before + 1):
+                        report.tell(count, line)
+                if progress is not None:
+                    progress(done, len(chosen))
     report.seconds = time.perf_counter() - began
     return report
 
@@ -207,44 +220,71 @@ def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
         report.problems.append(f"cell {cell}: drawable {d} is too coarse for the allowed {row['pixel_error']} pixels")
 
 
-class _Meshes:
-    """Triangles of drawables, the last used ones kept."""
+_Findings = tuple[CellFindings, list[Sight]]
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+
+@contextmanager
+def _oracles(
+    store: Store, chosen: np.ndarray, samples: int, seed: int, workers: int | None
+) -> Iterator[Iterator[_Findings | None]]:
+    """What the oracle finds in each of the chosen cells, in their order; None for each without samples."""
+    if not samples:
+        yield (None for _ in chosen)
+        return
+    if workers is None:
+        little = int(store.cells["cut_triangles"][chosen].sum()) < WORTH_SHARING
+        in_this_process = store.files.url.startswith("memory:")
+        workers = 1 if little or in_this_process else os.cpu_count() or 1
+    workers = min(workers, len(chosen))
+    if workers <= 1:
+        examiner = _Examiner(store, samples, seed, MESH_CACHE)
+        yield (examiner.examine(int(cell)) for cell in chosen)
+        return
+    place = (store.files.url, store.manifest.version)
+    pool = ProcessPoolExecutor(
+        workers, get_context("spawn"), _begin_worker, (*place, samples, seed, MESH_CACHE // workers)
+    )
+    try:
+        yield pool.map(_examine, chosen.tolist(), chunksize=max(1, min(4, len(chosen) // (4 * workers))))
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_examiner: _Examiner | None = None
+
+
+def _begin_worker(url: str, version: int, samples: int, seed: int, cache: int) -> None:
+    global _examiner  # noqa: PLW0603 - one store for each worker process
+    _examiner = _Examiner(open_store(url, version=version), samples, seed, cache)
+
+
+def _examine(cell: int) -> _Findings:
+    assert _examiner is not None
+    return _examiner.examine(cell)
+
+
+class _Examiner:
+    """Casts rays from cells of a store; keeps the triangles last used."""
+
+    def __init__(self, store: Store, samples: int, seed: int, cache: int) -> None:
+        self._store, self._samples, self._seed, self._cache = store, samples, seed, cache
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._bytes = 0
 
-    def triangles(self, drawables: np.ndarray) -> list[np.ndarray]:
-        """(m, 3, 3) float32 corners in model units of each of some drawables."""
-        missing = np.array([d for d in drawables.tolist() if d not in self._kept], np.int64)
-        found = self._store.surfaces(missing)
-        corners = (found.points[found.triangles] * self._store.grid.step).astype(np.float32)
-        fresh = [part.copy() for part in np.split(corners, np.cumsum(found.triangle_counts)[:-1])]
-        self._kept.update(zip(missing.tolist(), fresh, strict=True) if len(missing) else ())
-        for d in drawables.tolist():
-            self._kept.move_to_end(d)
-        parts = [self._kept[d] for d in drawables.tolist()]
-        self._bytes += corners.nbytes
-        while self._bytes > MESH_CACHE and len(self._kept) > 1:
-            self._bytes -= self._kept.popitem(last=False)[1].nbytes
-        return parts
-
-
-def _ask_oracle(store: Store, meshes: _Meshes, cell: int, samples: int, seed: int, report: VerifyReport) -> None:
-    """Rays from one cell."""
-    began = time.perf_counter()
-    cut, vlod = store.cut(cell), store.vlod(cell)
-    parts = meshes.triangles(cut)
-    owner = np.repeat(cut, [len(part) for part in parts])
-    triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
-    row = store.cells[cell]
-    oracle = Oracle(triangles, owner, store.drawables["one_sided"][owner])
-    rng = np.random.default_rng([seed, int(row["key"])])
-    found = examine(oracle, owner, triangles, row["lo"], row["hi"], vlod, samples, rng)
-    counts = store.drawables["triangles"].astype(np.int64)
-    report.sampled.append(
-        CellFindings(
+    def examine(self, cell: int) -> _Findings:
+        """Rays from one cell: the counts, and the drawables that the cell misses."""
+        began = time.perf_counter()
+        store = self._store
+        cut, vlod = store.cut(cell), store.vlod(cell)
+        parts = self._triangles(cut)
+        owner = np.repeat(cut, [len(part) for part in parts])
+        triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
+        row = store.cells[cell]
+        oracle = Oracle(triangles, owner, store.drawables["one_sided"][owner])
+        rng = np.random.default_rng([self._seed, int(row["key"])])
+        found = examine(oracle, owner, triangles, row["lo"], row["hi"], vlod, self._samples, rng)
+        counts = store.drawables["triangles"].astype(np.int64)
+        summary = CellFindings(
             cell=cell,
             key=int(row["key"]),
             rays=found.rays,
@@ -256,10 +296,22 @@ def _ask_oracle(store: Store, meshes: _Meshes, cell: int, samples: int, seed: in
             refuted=found.refuted,
             seconds=round(time.perf_counter() - began, 4),
         )
-    )
-    before = report.missed - len(found.missed)
-    for count, line in enumerate(_accusations(store, cell, found.missed), before + 1):
-        report.tell(count, line)
+        return summary, found.missed
+
+    def _triangles(self, drawables: np.ndarray) -> list[np.ndarray]:
+        """(m, 3, 3) float32 corners in model units of each of some drawables."""
+        missing = np.array([d for d in drawables.tolist() if d not in self._kept], np.int64)
+        found = self._store.surfaces(missing)
+        corners = (found.points[found.triangles] * self._store.grid.step).astype(np.float32)
+        fresh = [part.copy() for part in np.split(corners, np.cumsum(found.triangle_counts)[:-1])]
+        self._kept.update(zip(missing.tolist(), fresh, strict=True) if len(missing) else ())
+        for d in drawables.tolist():
+            self._kept.move_to_end(d)
+        parts = [self._kept[d] for d in drawables.tolist()]
+        self._bytes += corners.nbytes
+        while self._bytes > self._cache and len(self._kept) > 1:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
+        return parts
 
 
 def _accusations(store: Store, cell: int, missed: list[Sight]) -> Iterator[str]:

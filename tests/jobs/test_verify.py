@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,3 +35,15 @@ def test_a_drawable_left_out_of_one_cell_is_named(tmp_path: Path) -> None:
     assert "'table'" in report.problems[0]
     seen = [cell.missed for cell in report.sampled if cell.key == 0o17]
     assert seen == [1]
+
+
+def test_the_findings_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
+    def visible(_geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return cut[: len(cut) // 2] if int(cell["key"]) % 3 == 0 else cut
+
+    make_store(tmp_path / "store", room_parts(), depth=1, visible=visible)
+    alone, shared = (verify(str(tmp_path / "store"), samples=100, cells=8, workers=count) for count in (1, 2))
+    assert alone.missed > 0
+    assert alone.problems == shared.problems
+    for one, other in zip(alone.sampled, shared.sampled, strict=True):
+        assert replace(one, seconds=0) == replace(other, seconds=0)

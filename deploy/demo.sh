@@ -30,7 +30,7 @@ once() {
 
 once scene demo/plant.glb vlod demo-scene plant demo/plant.glb --triangles 1100000 --seed 1
 once build demo/build.json vlod build demo/plant.glb demo/plant.store --executor ray \
-    --region 4 1.2 -31 24 2.2 -17 --cell-size 1.3 --triangles-per-cell 40000 --report demo/build.json
+    --region 6 1.2 -29 22 2.2 -17 --cell-size 1.3 --triangles-per-cell 40000 --report demo/build.json
 once verify demo/verify.json sh -c 'vlod verify demo/plant.store --cells 40 --samples 3000 --json >demo/verify.json'
 once tour demo/tour.json vlod path demo/plant.store --output demo/tour.json --frames 144
 for strategy in frustum none; do

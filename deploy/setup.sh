@@ -54,6 +54,19 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$wanted" ]; then
     echo "setup: installing vLOD and what it needs into .venv (some minutes at first)"
     "$python" -m pip install --quiet --disable-pip-version-check \
         -c deploy/constraints.txt -e '.[jobs,player,test]' || fail "pip could not install; see its message above"
+    echo "setup: compiling what runs often (a minute or two, once)"
+    scratch=$(mktemp -d)
+    trap 'rm -rf "$scratch"' EXIT
+    for command in \
+        "demo-scene offices $scratch/a.glb --triangles 20000" \
+        "build $scratch/a.glb $scratch/a.store --executor serial --max-depth 2" \
+        "verify $scratch/a.store --cells 1 --samples 10"; do
+        .venv/bin/vlod $command >"$scratch/log" 2>&1 || {
+            cat "$scratch/log" >&2
+            fail "vlod $command failed"
+        }
+    done
+    rm -rf "$scratch"
     echo "$wanted" >"$stamp"
 fi
 

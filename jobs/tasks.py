@@ -139,7 +139,7 @@ def run_task(task: Task, place: Workplace) -> TaskResult:
     unusable = place.result(stage, key)
     if unusable.exists():
         shutil.rmtree(unusable)
-    temporary = place.new_temporary(stage, key)
+    temporary = place.new_temporary(stage)
     try:
         reset_peak()
         began, core_began = time.perf_counter(), time.process_time()

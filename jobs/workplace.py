@@ -2,7 +2,7 @@
 
     WORK/lock                     held while a build runs; names its process
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
-    WORK/<stage>/.tmp-...         the result of a task that is running, or was killed
+    WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.temporary
 
 A result appears under its key in one atomic rename, whole. It is safe to delete the directory when no build runs.
 """
@@ -11,22 +11,15 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import itertools
 import os
 import shutil
 import socket
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from jobs.errors import WorkInUseError
-
-#: Leftovers of other machines' processes, which cannot be asked, are removed when they are older than this, in seconds.
-FOREIGN_LEFTOVER_AGE = 24 * 3600.0
-
-_TEMPORARY = ".tmp-"
-_counter = itertools.count()
+from storage.temporary import abandoned, temporary_path
 
 
 @dataclass(frozen=True)
@@ -40,10 +33,9 @@ class Workplace:
         """Where the finished result of a task lies, or would lie."""
         return self.work / stage / key
 
-    def new_temporary(self, stage: str, key: str) -> Path:
+    def new_temporary(self, stage: str) -> Path:
         """A fresh directory for a task to write into; its name says who writes."""
-        name = f"{_TEMPORARY}{_host()}-{os.getpid()}-{next(_counter)}-{key[:12]}"
-        path = self.work / stage / name
+        path = temporary_path(self.work / stage)
         path.mkdir(parents=True)
         return path
 
@@ -95,29 +87,16 @@ class Workplace:
             self.clean()
 
     def clean(self) -> int:
-        """Removes what killed tasks left behind; returns how many. What a living process writes stays."""
+        """Removes what killed writers left behind, here and in the store; returns how many. What is written stays."""
         removed = 0
-        for path in self.work.glob(f"*/{_TEMPORARY}*"):
-            if _is_abandoned(path):
-                shutil.rmtree(path, ignore_errors=True)
+        for folder in (*self.work.glob("*/"), self.store, self.store / "shards", self.store / "versions"):
+            for path in abandoned(folder):
+                if path.is_dir():
+                    shutil.rmtree(path, ignore_errors=True)
+                else:
+                    path.unlink(missing_ok=True)
                 removed += 1
         return removed
-
-
-def _is_abandoned(path: Path) -> bool:
-    host, _, rest = path.name.removeprefix(_TEMPORARY).rpartition("-")[0].rpartition("-")[0].rpartition("-")
-    if host != _host():
-        try:
-            return time.time() - path.stat().st_mtime > FOREIGN_LEFTOVER_AGE
-        except OSError:
-            return False
-    try:
-        os.kill(int(rest), 0)
-    except (ProcessLookupError, ValueError):
-        return True
-    except PermissionError:
-        return False
-    return False
 
 
 def _host() -> str:

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from enum import IntEnum
@@ -31,6 +30,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from storage.errors import CorruptStoreError
+from storage.temporary import temporary_path
 
 MAGIC = b"vLODshd\x01"
 TAIL_MAGIC = b"\x01dhsDOLv"
@@ -83,7 +83,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     It replaces what was there. No reader can observe a partly written file; after an error nothing is left behind.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".tmp-{secrets.token_hex(8)}")
+    temporary = temporary_path(path.parent)
     try:
         with temporary.open("wb") as file:
             yield file
@@ -110,7 +110,7 @@ class ShardWriter:
 
     def __enter__(self) -> ShardWriter:
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._temporary = self._folder / f".tmp-{secrets.token_hex(8)}"
+        self._temporary = temporary_path(self._folder)
         self._file = self._temporary.open("wb")
         self._digest = hashlib.sha256()
         self._bytes = 0

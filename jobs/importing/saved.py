@@ -18,8 +18,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import secrets
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,6 +28,7 @@ import numpy as np
 
 from storage.errors import ModelError
 from storage.tables import transform_points
+from storage.temporary import temporary_path
 
 MESH = np.dtype(
     [
@@ -160,7 +159,7 @@ def write_model(
     out.parent.mkdir(parents=True, exist_ok=True)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ModelError(f"{out}: there is something here already; remove it or choose another place")
-    temporary = out.parent / f".{out.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp"
+    temporary = temporary_path(out.parent)
     temporary.mkdir()
     try:
         digests = _write_arrays(temporary, meshes, baking, centres)

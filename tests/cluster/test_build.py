@@ -52,12 +52,12 @@ def test_killed_workers_do_not_change_a_byte(model, serial, ray_executor, tmp_pa
     def kill_now_and_then():
         import psutil
 
-        while not stop.wait(1.0) and len(killed) < 3:
+        while not stop.wait(0.02) and len(killed) < 3:
             for process in psutil.Process().children(recursive=True):
                 if process.name().startswith("ray::run_task"):
                     os.kill(process.pid, signal.SIGKILL)
                     killed.append(process.pid)
-                    time.sleep(1)
+                    time.sleep(0.5)
                     break
 
     killer = threading.Thread(target=kill_now_and_then)

@@ -101,7 +101,7 @@ def test_a_result_whose_shard_is_gone_is_not_finished(place, tmp_path):
 
 
 def test_the_second_of_two_writers_takes_the_firsts_result(place):
-    first, second = place.new_temporary("stage", "k" * 32), place.new_temporary("stage", "k" * 32)
+    first, second = place.new_temporary("stage"), place.new_temporary("stage")
     (first / "a").write_text("first")
     (second / "a").write_text("second")
     place.publish(first, "stage", "k" * 32)
@@ -111,17 +111,23 @@ def test_the_second_of_two_writers_takes_the_firsts_result(place):
 
 
 def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_stay(place):
-    mine = place.new_temporary("stage", "k" * 32)
+    mine = place.new_temporary("stage")
     child = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
     dead = mine.with_name(mine.name.replace(f"-{os.getpid()}-", f"-{int(child.stdout)}-"))
     dead.mkdir()
-    foreign = mine.with_name(".tmp-some-other-host-1-0-abc")
+    foreign = mine.with_name(".tmp-some-other-host-1-0abc")
     foreign.mkdir()
-    old = mine.with_name(".tmp-some-other-host-2-0-abc")
+    old = mine.with_name(".tmp-some-other-host-2-0abc")
     old.mkdir()
     os.utime(old, (0, 0))
-    assert place.clean() == 2
+    shards = place.store / "shards"
+    shards.mkdir(parents=True, exist_ok=True)
+    (shards / dead.name).write_bytes(b"half a shard")
+    (shards / mine.name).write_bytes(b"half a shard")
+    (shards / "0123456789abcdef").write_bytes(b"a shard")
+    assert place.clean() == 3
     assert {path.name for path in mine.parent.iterdir()} == {mine.name, foreign.name}
+    assert {path.name for path in shards.iterdir()} == {mine.name, "0123456789abcdef"}
 
 
 def test_one_build_at_a_time(place):

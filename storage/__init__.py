@@ -15,7 +15,7 @@ Read in this order:
                 normals       unit vectors as two small integers
                 planes        arrays as byte planes
     deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell
-    files       local and remote files; cache: what was decoded last
+    files       local and remote files; cache: what was decoded last; temporary: names of what is being written
     errors      everything that can go wrong, as one tree
     command     `vlod`, the command line; info: `vlod info`
 FORMAT.md describes the files byte by byte.

@@ -1,8 +1,9 @@
-"""Stored against measured errors of all levels of real models: at least 100,000 points a model, in both directions.
+"""Stored against measured errors of all levels of models: at least 100,000 points a model, in both directions.
 
     python tests/benchmarks/measure_errors.py [--points N] [--json FILE] [MODEL ...]
 
-Needs the environment variable VLOD_MODELS. Exits with 1 if any measured distance is above the stored error.
+Models are real ones, found by the environment variable VLOD_MODELS, and demo scenes. Exits with 1 if any measured
+distance is above the stored error.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from jobs.detail.pieces import DetailOptions, build_pieces
 from jobs.importing.model import import_model, open_model
+from jobs.scenes import write_scene
 from tests.jobs.detail.sampling import distances, measured, sample
 from tests.jobs.detail.shapes import level_mesh, original
 
@@ -29,6 +31,9 @@ MODELS = {
     "mid_lost_empire": "mid_lost_empire/lost_empire.obj",
     "cad_sportscar": "cad_sportscar/sportsCar.obj",
 }
+#: Demo scenes, of this many triangles each.
+SCENES = ("plant", "offices", "city")
+SCENE_TRIANGLES = 300_000
 #: Errors below this many grid steps are rounding, not simplification: left out of the ratios.
 ROUNDING_STEPS = 8
 #: How far the stored error is above the true one takes many points a level to see: on some pieces only.
@@ -36,9 +41,14 @@ DENSE_PIECES = 24
 DENSE_POINTS = 2_000
 
 
-def measure(file: Path, points: int, seed: int = 1) -> dict[str, Any]:
+def measure(name: str, points: int, seed: int = 1) -> dict[str, Any]:
     """Import a model, build its pieces, and sample all their levels with about `points` points in each direction."""
     with tempfile.TemporaryDirectory() as folder:
+        if name in SCENES:
+            file = Path(folder) / f"{name}.glb"
+            write_scene(name, file, SCENE_TRIANGLES, 0)
+        else:
+            file = Path(os.environ["VLOD_MODELS"]) / MODELS[name]
         import_model([file], Path(folder) / "model")
         model = open_model(Path(folder) / "model")
         pieces = list(build_pieces(model, range(len(model.meshes)), DetailOptions()))
@@ -76,17 +86,16 @@ def measure(file: Path, points: int, seed: int = 1) -> dict[str, Any]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("models", nargs="*", default=list(MODELS), metavar="MODEL")
+    parser.add_argument("models", nargs="*", default=[*MODELS, *SCENES], metavar="MODEL")
     parser.add_argument("--points", type=int, default=110_000, help="in each direction, for each model")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    root = Path(os.environ["VLOD_MODELS"])
     results = {}
     columns = ["pieces", "levels", "points_each_way", "measured_above_stored", "largest_measured_over_stored"]
     columns += ["stored_over_measured_median", "stored_over_measured_90_percent"]
     print(" " * 20 + " ".join(f"{column:>31}" for column in columns))
     for name in arguments.models:
-        results[name] = r = measure(root / MODELS[name], arguments.points)
+        results[name] = r = measure(name, arguments.points)
         print(f"{name:20}" + " ".join(f"{r[column]:31.6g}" for column in columns), flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1, sort_keys=True))

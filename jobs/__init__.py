@@ -10,7 +10,8 @@ Read in this order:
     cells          subtrees of view cells
     pipeline       all of the above in order; stages holds the work of each task, plan their keys and sizes
     tasks          what a task is, when it is finished; workplace holds their results
-    executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray)
+    executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray);
+                   choose_executor: which of them
     verify         an oracle for finished stores
     commands       the command line
 

@@ -80,7 +80,7 @@ def build(
 
     Finished tasks are kept: after an interrupt, a crash or a change, the same command goes on where it can.
     """
-    from jobs.executors import choose_executor
+    from jobs.choose_executor import choose_executor
     from jobs.inputs import total_bytes
     from jobs.parameters import BuildParameters
     from jobs.pipeline import build as build_store

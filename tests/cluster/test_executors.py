@@ -7,8 +7,9 @@ import itertools
 
 import pytest
 
+from jobs.choose_executor import choose_executor
 from jobs.errors import MemoryLimitError, WorkerLostError
-from jobs.executors import SerialExecutor, choose_executor
+from jobs.executors import SerialExecutor
 from jobs.ray_executor import ATTEMPTS, RayExecutor
 from jobs.tasks import Task
 from storage.errors import ModelError, ParameterError

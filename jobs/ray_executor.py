@@ -91,7 +91,7 @@ class RayExecutor:
                     backlog.add_followers(result)
                     yield result
         finally:
-            self._cancel(running)
+            self._stop(running)
 
     def close(self) -> None:
         """Leaves the cluster, and stops it if it was started here."""
@@ -159,15 +159,22 @@ class RayExecutor:
             raise error.cause from error
         return result
 
-    def _cancel(self, running: dict[Any, _Attempt]) -> None:
-        """Stops tasks at once: a kernel does not listen to softer words. Their temporary results are cleaned later."""
+    def _stop(self, running: dict[Any, _Attempt]) -> None:
+        """Stops tasks at once. Their temporary results are cleaned later.
+
+        Ray ends a driver's workers when it leaves; it is joined again when the next task comes. (Ray's own way of
+        killing single tasks can abort the whole driver, where a task ends in the same moment.)
+        """
         if not running:
             return
         import ray
 
-        for reference in running:
-            with contextlib.suppress(Exception):
-                ray.cancel(reference, force=True)
+        running_elsewhere = not self._owns_ray
+        self.close()
+        if running_elsewhere:
+            for reference in running:
+                with contextlib.suppress(Exception):
+                    ray.cancel(reference)
         running.clear()
 
     def _connect(self) -> Any:

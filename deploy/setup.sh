@@ -54,7 +54,14 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$wanted" ]; then
     echo "setup: installing vLOD and what it needs into .venv (some minutes at first)"
     "$python" -m pip install --quiet --disable-pip-version-check \
         -c deploy/constraints.txt -e '.[jobs,player,test]' || fail "pip could not install; see its message above"
-    echo "setup: compiling what runs often (a minute or two, once)"
+    echo "$wanted" >"$stamp"
+fi
+
+# What numba compiled is kept beside the code, file by file: where a file changed, so may what others took in from it.
+code=$(find jobs storage player -name '*.py' | sort | xargs cat | cksum)
+if [ ! -f .venv/vlod-compiled ] || [ "$(cat .venv/vlod-compiled)" != "$wanted $code" ]; then
+    find jobs storage player -name '*.nb[ci]' -delete
+    echo "setup: compiling what runs often (some minutes, after changes of the code)"
     scratch=$(mktemp -d)
     trap 'rm -rf "$scratch"' EXIT
     for command in \
@@ -67,7 +74,7 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$wanted" ]; then
         }
     done
     rm -rf "$scratch"
-    echo "$wanted" >"$stamp"
+    echo "$wanted $code" >.venv/vlod-compiled
 fi
 
 can_render() {

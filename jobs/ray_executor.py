@@ -167,11 +167,11 @@ class RayExecutor:
         """
         if not running:
             return
-        import ray
+        if self._owns_ray:
+            self.close()
+        else:
+            import ray
 
-        running_elsewhere = not self._owns_ray
-        self.close()
-        if running_elsewhere:
             for reference in running:
                 with contextlib.suppress(Exception):
                     ray.cancel(reference)

@@ -10,10 +10,12 @@ What is checked:
 from __future__ import annotations
 
 import os
+import signal
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
@@ -21,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from jobs.errors import WorkerLostError
 from jobs.oracle import Oracle, Sight, examine
 from storage import open_store
 from storage.errors import ParameterError
@@ -233,9 +236,9 @@ def _oracles(
         return
     if workers is None:
         little = int(store.cells["cut_triangles"][chosen].sum()) < WORTH_SHARING
-        in_this_process = store.files.url.startswith("memory:")
-        workers = 1 if little or in_this_process else os.cpu_count() or 1
-    workers = min(workers, len(chosen))
+        workers = 1 if little else os.cpu_count() or 1
+    only_here = store.files.url.startswith("memory:")
+    workers = 1 if only_here else min(workers, len(chosen))
     if workers <= 1:
         examiner = _Examiner(store, samples, seed, MESH_CACHE)
         yield (examiner.examine(int(cell)) for cell in chosen)
@@ -246,6 +249,10 @@ def _oracles(
     )
     try:
         yield pool.map(_examine, chosen.tolist(), chunksize=max(1, min(4, len(chosen) // (4 * workers))))
+    except BrokenProcessPool:
+        raise WorkerLostError(
+            "a process that cast rays died, for lack of memory most often: use fewer --workers"
+        ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -254,6 +261,7 @@ _examiner: _Examiner | None = None
 
 
 def _begin_worker(url: str, version: int, samples: int, seed: int, cache: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for the process that shares out the cells
     global _examiner  # noqa: PLW0603 - one store for each worker process
     _examiner = _Examiner(open_store(url, version=version), samples, seed, cache)
 

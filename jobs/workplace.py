@@ -89,7 +89,7 @@ class Workplace:
     def clean(self) -> int:
         """Removes what killed writers left behind, here and in the store; returns how many. What is written stays."""
         removed = 0
-        for folder in (*self.work.glob("*/"), self.store, self.store / "shards", self.store / "versions"):
+        for folder in (*self.work.glob("*/"), self.store, *self.store.glob("*/")):
             for path in abandoned(folder):
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)

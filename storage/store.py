@@ -208,13 +208,11 @@ class Geometry:
         moved = np.repeat(instances >= 0, geometry["vertices"])
         if moved.any():
             matrices = self.instances["matrix"][np.repeat(instances, geometry["vertices"])[moved]]
-            x, y, z = placed[moved].T
-            for i in range(3):  # the arithmetic of transform_points, for many matrices at once
-                m = matrices[:, i]
-                placed[moved, i] = ((m[:, 0] * x + m[:, 1] * y) + m[:, 2] * z) + m[:, 3]
+            placed[moved] = transform_points(matrices, placed[moved])
         points[:] = self.grid.snap(placed)
-        mirrored = np.array([n >= 0 and _cofactors(self.instances["matrix"][n])[1] for n in np.unique(instances)])
-        turned = np.repeat(mirrored[np.searchsorted(np.unique(instances), instances)], rows["triangles"])
+        used, which = np.unique(instances, return_inverse=True)
+        mirrored = np.array([n >= 0 and _cofactors(self.instances["matrix"][n])[1] for n in used])
+        turned = np.repeat(mirrored[which], rows["triangles"])
         corners[turned] = corners[turned][:, [0, 2, 1]]
 
     def source_faces(self, drawable: int) -> tuple[int, NDArray[np.uint32]]:

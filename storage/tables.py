@@ -140,11 +140,13 @@ class Grid:
 
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Model positions (n, 3) float64 of local `points` under a (3, 4) float64 matrix.
+    """Model positions (n, 3) float64 of local `points` under a matrix (3, 4), or under one for each point (n, 3, 4).
 
+    Other shapes broadcast: matrices (k, 1, 3, 4) place all points (n, 3) k times, (k, n, 3).
     Written out term by term: the same bits on every machine, whatever linear-algebra library numpy uses.
     """
     p = np.asarray(points, np.float64)
     m = np.asarray(matrix, np.float64)
-    x, y, z = p[:, 0], p[:, 1], p[:, 2]
-    return np.stack([((m[i, 0] * x + m[i, 1] * y) + m[i, 2] * z) + m[i, 3] for i in range(3)], axis=1)
+    x, y, z = p[..., 0], p[..., 1], p[..., 2]
+    rows = [((m[..., i, 0] * x + m[..., i, 1] * y) + m[..., i, 2] * z) + m[..., i, 3] for i in range(3)]
+    return np.stack(rows, axis=-1)

@@ -6,7 +6,6 @@ living one is still writing.
 
 from __future__ import annotations
 
-import itertools
 import os
 import secrets
 import socket
@@ -19,12 +18,10 @@ PREFIX = ".tmp-"
 #: Leftovers of other machines' processes, which cannot be asked, count as abandoned when they are older, in seconds.
 FOREIGN_LEFTOVER_AGE = 24 * 3600.0
 
-_counter = itertools.count()
-
 
 def temporary_path(folder: Path) -> Path:
     """A path in `folder` that nothing else uses. Nothing is made there yet."""
-    return folder / f"{PREFIX}{_host()}-{os.getpid()}-{next(_counter)}{secrets.token_hex(4)}"
+    return folder / f"{PREFIX}{_host()}-{os.getpid()}-{secrets.token_hex(8)}"
 
 
 def abandoned(folder: Path) -> list[Path]:

@@ -264,14 +264,11 @@ def _box(meshes: Sequence[MeshView], placements: Sequence[Placement]) -> tuple[n
         users.setdefault(p.mesh, []).append(p.matrix)
     lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh, matrices in users.items():
-        x, y, z = meshes[mesh].positions.T
-        batch = max(_BATCH // len(x), 1)
+        points = meshes[mesh].positions
+        batch = max(_BATCH // len(points), 1)
         for start in range(0, len(matrices), batch):
-            m = np.stack(matrices[start : start + batch])[..., None]
-            for axis in range(3):  # the arithmetic of transform_points, for many matrices at once
-                row = m[:, axis]
-                values = ((row[:, 0] * x + row[:, 1] * y) + row[:, 2] * z) + row[:, 3]
-                lo[axis], hi[axis] = min(lo[axis], values.min()), max(hi[axis], values.max())
+            placed = transform_points(np.stack(matrices[start : start + batch])[:, None], points)
+            lo, hi = np.minimum(lo, placed.min(axis=(0, 1))), np.maximum(hi, placed.max(axis=(0, 1)))
     return lo, hi
 
 

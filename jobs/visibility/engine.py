@@ -145,9 +145,9 @@ class Engine:
             most_triangles: stop as soon as drawables of more triangles than this are seen.
         """
         soup = self.soup
-        seen = np.zeros(len(soup.drawables), np.bool_)
         if not self.settings.proof_resolution:
             return places[:0]
+        seen = np.zeros(len(soup.drawables), np.bool_)
         drawn = np.zeros(len(soup.drawables), np.bool_)
         drawn[places] = True
         triangles = np.flatnonzero(drawn[soup.triangle_drawable])

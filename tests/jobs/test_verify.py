@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from jobs.errors import WorkerLostError
 from jobs.verify import verify
 from storage.store import Geometry
 from tests.storage.tiny_store import make_store, room_parts
@@ -47,3 +50,18 @@ def test_the_findings_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> 
     assert alone.problems == shared.problems
     for one, other in zip(alone.sampled, shared.sampled, strict=True):
         assert replace(one, seconds=0) == replace(other, seconds=0)
+
+
+def test_a_worker_that_dies_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def __init__(self, *_: object) -> None: ...
+
+        def map(self, *_: object, **__: object) -> None:
+            raise BrokenProcessPool
+
+        def shutdown(self, **_: object) -> None: ...
+
+    make_store(tmp_path / "store", room_parts(), depth=1)
+    monkeypatch.setattr("jobs.verify.ProcessPoolExecutor", Broken)
+    with pytest.raises(WorkerLostError, match="use fewer --workers"):
+        verify(str(tmp_path / "store"), samples=10, cells=4, workers=2)

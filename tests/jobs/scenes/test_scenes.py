@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
 
 from jobs.scenes import KINDS, viewpoints, write_scene
 from storage.errors import ParameterError, VlodError
@@ -102,7 +105,6 @@ def test_every_solid_is_closed_and_faces_outwards(scene: Glb) -> None:
 
 
 def test_trimesh_reads_the_same(scene: Glb) -> None:
-    trimesh = pytest.importorskip("trimesh")
     loaded = trimesh.load(scene.path)
     placed = [loaded.geometry[loaded.graph[node][1]] for node in loaded.graph.nodes_geometry]
     assert sum(len(geometry.faces) for geometry in placed) == scene.expanded_triangles()
@@ -110,12 +112,10 @@ def test_trimesh_reads_the_same(scene: Glb) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_wall_on_the_tour_and_room_at_the_viewpoints(kind: str, tmp_path: Path) -> None:
-    embree = pytest.importorskip("embreex.rtcore_scene")
-    construction = pytest.importorskip("embreex.mesh_construction")
     path = tmp_path / "scene.glb"
     record = write_scene(kind, path, 200_000, seed=4)
-    solid = embree.EmbreeScene()
-    construction.TriangleMesh(solid, Glb(path).soup())
+    solid = rtcore_scene.EmbreeScene()
+    TriangleMesh(solid, Glb(path).soup())
 
     def distances(starts: np.ndarray, ways: np.ndarray) -> np.ndarray:
         return solid.run(starts.astype(np.float32), ways.astype(np.float32), query="DISTANCE")

@@ -57,10 +57,9 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$wanted" ]; then
     echo "$wanted" >"$stamp"
 fi
 
-# What numba compiled is kept beside the code, file by file: where a file changed, so may what others took in from it.
+# What runs often is compiled once, and kept beside the code.
 code=$(find jobs storage player -name '*.py' | sort | xargs cat | cksum)
 if [ ! -f .venv/vlod-compiled ] || [ "$(cat .venv/vlod-compiled)" != "$wanted $code" ]; then
-    find jobs storage player -name '*.nb[ci]' -delete
     echo "setup: compiling what runs often (some minutes, after changes of the code)"
     scratch=$(mktemp -d)
     trap 'rm -rf "$scratch"' EXIT

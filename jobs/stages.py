@@ -28,32 +28,20 @@ SECTION = "geometry.json"
 #: File of a layout task: see `shards_needed`.
 NEEDS = "needs.json"
 
-_TABLES = ("storage.tables", "storage.columns")
-_GEOMETRY = (*_TABLES, "storage.frames", "storage.geometry", "storage.writer")
+#: The reading and writing of stores decides what any of them gives.
+_ALL = ("jobs.stages", "storage")
 
-IMPORT = Stage("import", "jobs.stages:import_files", ("jobs.stages", "jobs.importing", *_TABLES), ("numpy", "trimesh"))
+IMPORT = Stage("import", "jobs.stages:import_files", (*_ALL, "jobs.importing"), ("numpy", "trimesh"))
 DETAIL = Stage(
     "detail",
     "jobs.stages:make_detail",
-    ("jobs.stages", "jobs.assemble", "jobs.objects", "jobs.detail", *_GEOMETRY),
+    (*_ALL, "jobs.assemble", "jobs.importing", "jobs.objects", "jobs.detail"),
     ("numpy", "numba", "fast-simplification", "zstandard"),
 )
-TABLES = Stage(
-    "tables", "jobs.stages:join_tables", ("jobs.stages", "jobs.assemble", "storage.octree", *_GEOMETRY), ("zstandard",)
-)
-CELLS = Stage(
-    "cells",
-    "jobs.stages:compute_cells",
-    ("jobs.stages", "jobs.cells", "jobs.visibility", "storage.detail", "storage.octree", "storage.store", *_GEOMETRY),
-    ("numpy", "numba"),
-)
-LAYOUT = Stage("layout", "jobs.stages:lay_out_cells", ("jobs.stages", "storage.octree", *_TABLES))
-SHARDS = Stage(
-    "shards",
-    "jobs.stages:write_cells",
-    ("jobs.stages", "storage.codecs", "storage.deltas", "storage.spanning_tree", *_GEOMETRY),
-    ("zstandard",),
-)
+TABLES = Stage("tables", "jobs.stages:join_tables", (*_ALL, "jobs.assemble", "jobs.importing"), ("zstandard",))
+CELLS = Stage("cells", "jobs.stages:compute_cells", (*_ALL, "jobs.cells", "jobs.visibility"), ("numpy", "numba"))
+LAYOUT = Stage("layout", "jobs.stages:lay_out_cells", _ALL)
+SHARDS = Stage("shards", "jobs.stages:write_cells", _ALL, ("zstandard",))
 
 
 def import_files(work: Assignment) -> dict[str, Any]:

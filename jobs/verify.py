@@ -248,7 +248,7 @@ def _oracles(
         workers, get_context("spawn"), _begin_worker, (*place, samples, seed, MESH_CACHE // workers)
     )
     try:
-        yield pool.map(_examine, chosen.tolist(), chunksize=max(1, min(4, len(chosen) // (4 * workers))))
+        yield pool.map(_examine, chosen.tolist())
     except BrokenProcessPool:
         raise WorkerLostError(
             "a process that cast rays died, for lack of memory most often: use fewer --workers"

@@ -11,11 +11,12 @@ from __future__ import annotations
 import heapq
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from storage.kernels import allocating_kernel
 
-@njit(cache=True, nogil=True)
+
+@allocating_kernel()
 def mark_triangles(
     grid: NDArray[np.bool_],
     facing: NDArray[np.float32],
@@ -72,7 +73,7 @@ def mark_triangles(
                                 facing[x, y, z, axis] += normal[axis] / length
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def clearance(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:  # pragma: no cover - compiled
     """Distance (nx, ny, nz) float32 in voxels from each voxel to the nearest occupied one, at most 13 % too far.
 
@@ -105,7 +106,7 @@ def clearance(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:  # pragma: no
     return distance
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def free_run(occupied: NDArray[np.bool_], axis: int, sign: int) -> NDArray[np.int32]:  # pragma: no cover - compiled
     """Free voxels (nx, ny, nz) int32 between each voxel and the next occupied one along an axis; -1: there is none.
 
@@ -132,7 +133,7 @@ def free_run(occupied: NDArray[np.bool_], axis: int, sign: int) -> NDArray[np.in
     return result
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def enclosure(
     occupied: NDArray[np.bool_],
     facing: NDArray[np.float32],
@@ -169,7 +170,7 @@ def enclosure(
     return result
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def cheapest_ways(
     cost: NDArray[np.float32], start: int
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:  # pragma: no cover - compiled

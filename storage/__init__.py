@@ -16,6 +16,7 @@ Read in this order:
                 planes        arrays as byte planes
     deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell
     files       local and remote files; cache: what was decoded last; temporary: names of what is being written
+    kernels     how inner loops are compiled
     errors      everything that can go wrong, as one tree
     command     `vlod`, the command line; info: `vlod info`
 FORMAT.md describes the files byte by byte.

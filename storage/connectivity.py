@@ -16,20 +16,21 @@ the third in its low nibble. Named vertices go into `named`: the difference from
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from storage.kernels import allocating_kernel
 
 #: How many edges and vertices are remembered (a power of two).
 MEMORY = 16
 
 
-@njit(cache=True, nogil=True, inline="always")
+@allocating_kernel(inline="always")
 def _remember_vertex(ring: NDArray[np.int64], at: int, vertex: int) -> int:
     ring[at & (MEMORY - 1)] = vertex
     return at + 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@allocating_kernel(inline="always")
 def _remember_edge(ring: NDArray[np.int64], at: int, a: int, b: int, across: int) -> int:
     ring[at & (MEMORY - 1), 0] = a
     ring[at & (MEMORY - 1), 1] = b
@@ -37,7 +38,7 @@ def _remember_edge(ring: NDArray[np.int64], at: int, a: int, b: int, across: int
     return at + 1
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def _vertex_code(vertex: int, fresh: int, ring: NDArray[np.int64], at: int) -> int:
     """0: the next new vertex, 1-14: one of the last ones, 15: to be named."""
     if vertex == fresh:
@@ -48,7 +49,7 @@ def _vertex_code(vertex: int, fresh: int, ring: NDArray[np.int64], at: int) -> i
     return 15
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def encode_triangles(
     triangles: NDArray[np.uint32],
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.int64]]:
@@ -120,7 +121,7 @@ def encode_triangles(
     return codes, more[:mores].copy(), named[:names].copy(), turns
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def decode_triangles(
     codes: NDArray[np.uint8], more: NDArray[np.uint8], named: NDArray[np.uint32], vertices: int
 ) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
@@ -202,7 +203,7 @@ def decode_triangles(
     return triangles, guides
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def foretell(values: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np.int32]:
     """Differences (n, k) int32 between values (n, k) int32 and what their guides (n, 3) foretell, modulo 2**32."""
     count, width = values.shape
@@ -219,7 +220,7 @@ def foretell(values: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def fulfil(differences: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray[np.int32]:
     """The values (n, k) int32 that `foretell` was given."""
     count, width = differences.shape
@@ -236,7 +237,7 @@ def fulfil(differences: NDArray[np.int32], guides: NDArray[np.int32]) -> NDArray
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def make_local(names: NDArray[np.uint32], sizes: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Triangles (m, 3) of meshes one after the other, renumbered to count from each mesh's first vertex.
 

@@ -9,14 +9,15 @@ Based on: Sander, Nehab, Barczak: Fast Triangle Reordering for Vertex Locality a
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from storage.kernels import allocating_kernel
 
 #: Size of the vertex cache, in vertices, that the order is made for.
 CACHE = 16
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def triangle_order(triangles: NDArray[np.uint32], vertices: int, cache: int) -> NDArray[np.int64]:
     """An order (m,) int64 of triangles (m, 3) in which near ones follow each other.
 
@@ -94,7 +95,7 @@ def triangle_order(triangles: NDArray[np.uint32], vertices: int, cache: int) -> 
     return order
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def same_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Numbers (n,) uint32 of rows (n, k) int32, equal for equal rows, counting up by first occurrence.
 
@@ -132,7 +133,7 @@ def same_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.uint32], NDArray[np.i
     return numbers, firsts[:used].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def first_use(triangles: NDArray[np.uint32], vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Renumbers vertices by first use: the triangles (m, 3) uint32 anew, and the old number (k,) int64 of each vertex.
 

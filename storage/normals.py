@@ -12,14 +12,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from storage.kernels import allocating_kernel
 
 #: Octahedral coordinates are integers from -LIMIT to LIMIT.
 LIMIT = 511
 
 
-@njit(cache=True, nogil=True, inline="always")
+@allocating_kernel(inline="always")
 def _fold(x: float, y: float, z: float) -> tuple[int, int]:
     """Octahedral coordinates of a vector of any length; of +z where it has none."""
     total = abs(x) + abs(y) + abs(z)
@@ -32,7 +33,7 @@ def _fold(x: float, y: float, z: float) -> tuple[int, int]:
     return math.floor(u * LIMIT + 0.5), math.floor(v * LIMIT + 0.5)
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def to_octahedral(normals: NDArray[np.float32]) -> NDArray[np.int32]:
     """Octahedral coordinates (n, 2) int32 of vectors (n, 3)."""
     out = np.empty((len(normals), 2), np.int32)
@@ -41,7 +42,7 @@ def to_octahedral(normals: NDArray[np.float32]) -> NDArray[np.int32]:
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def from_octahedral(folded: NDArray[np.int32]) -> NDArray[np.float32]:
     """Unit vectors (n, 3) float32 of octahedral coordinates (n, 2)."""
     out = np.empty((len(folded), 3), np.float32)
@@ -58,7 +59,7 @@ def from_octahedral(folded: NDArray[np.int32]) -> NDArray[np.float32]:
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def foretell_normals(positions: NDArray[np.int32], triangles: NDArray[np.uint32]) -> NDArray[np.int32]:
     """Octahedral coordinates (n, 2) int32 of vertices' normals: the mean of their triangles' weighted by area.
 

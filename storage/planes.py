@@ -9,11 +9,12 @@ Based on: Alted, Why Modern CPUs Are Starving and What Can Be Done about It, CiS
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from storage.kernels import allocating_kernel
 
-@njit(cache=True, nogil=True)
+
+@allocating_kernel()
 def zigzag_planes(values: NDArray[np.int32], width: int) -> NDArray[np.uint8]:
     """Planes (k * width * n,) uint8 of zigzagged values (n, k), `width` bytes each; larger values must not occur."""
     count, columns = values.shape
@@ -27,7 +28,7 @@ def zigzag_planes(values: NDArray[np.int32], width: int) -> NDArray[np.uint8]:
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def unzigzag_planes(planes: NDArray[np.uint8], columns: int, width: int) -> NDArray[np.int32]:
     """The values (n, columns) int32 that `zigzag_planes` was given."""
     count = len(planes) // (columns * width)
@@ -41,7 +42,7 @@ def unzigzag_planes(planes: NDArray[np.uint8], columns: int, width: int) -> NDAr
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def step_planes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Planes (k * n,) uint8 of the differences of each row of values (n, k) from the row before, modulo 256."""
     count, columns = values.shape
@@ -55,7 +56,7 @@ def step_planes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return out
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def unstep_planes(planes: NDArray[np.uint8], columns: int) -> NDArray[np.uint8]:
     """The values (n, columns) uint8 that `step_planes` was given."""
     count = len(planes) // columns

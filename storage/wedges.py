@@ -11,14 +11,15 @@ Based on: Isenburg and Snoeyink, Face Fixer: Compressing Polygon Meshes with Pro
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from storage.kernels import allocating_kernel
 
 #: Codes above this do not exist; a wedge that was last used longer ago is stored again.
 LARGEST = 255
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def encode_wedges(
     corners: NDArray[np.uint32], vertices: NDArray[np.uint32], positions: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint32]]:
@@ -61,7 +62,7 @@ def encode_wedges(
     return codes[:coded].copy(), wedges, sources[:used].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def decode_wedges(
     corners: NDArray[np.uint32], codes: NDArray[np.uint8], positions: int, count: int
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:

@@ -63,12 +63,30 @@ def test_one_module_knows_ray():
 
 def test_kernels_know_neither_files_nor_ray():
     """Files with compiled functions import nothing that reads, writes or schedules."""
-    allowed = ("storage.errors", "storage.tables")
+    allowed = ("storage.errors", "storage.tables", "storage.kernels")
     for path in MODULES:
-        if "@njit" in path.read_text() or "@numba" in path.read_text():
+        if "kernel(" in path.read_text() and name_of(path) != "storage.kernels":
             module = name_of(path)
             own = imports_any(module, ["storage", "ray", "jobs.tasks", "jobs.pipeline", "pathlib"])
             assert [found for found in own if found != "storage" and not found.startswith(allowed)] == [], module
+
+
+def test_one_module_says_how_kernels_are_compiled():
+    assert [module for module in IMPORTS if imports_any(module, ["numba"])] == ["storage.kernels"]
+
+
+def test_keys_of_tasks_know_all_code_that_decides_a_result():
+    """Whatever a stage's modules import belongs to its code too: changed code must never meet old results."""
+    from jobs import stages
+
+    apart = ("jobs.tasks", "jobs.workplace", "jobs.detail")  # jobs.assemble names jobs.detail's types, no more
+    for stage in (stages.IMPORT, stages.DETAIL, stages.TABLES, stages.CELLS, stages.LAYOUT, stages.SHARDS):
+        for module, imported in IMPORTS.items():
+            if module == "jobs.stages" or not any(module == c or module.startswith(f"{c}.") for c in stage.code):
+                continue
+            for found in imported & IMPORTS.keys() - set(PACKAGES):
+                known = any(found == code or found.startswith(f"{code}.") for code in (*stage.code, *apart))
+                assert known, f"{stage.name}: {module} imports {found}"
 
 
 def top_level_imports(path):

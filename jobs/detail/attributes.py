@@ -10,12 +10,12 @@ Based on: G. Thürmer, C. A. Wüthrich, Computing vertex normals from polygonal 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.detail.closest import Surface, closest, closest_weights
 from jobs.detail.normal_cone import arc_cosine
 from jobs.objects.components import find, unite
 from jobs.objects.weld import mix, table_size
+from storage.kernels import allocating_kernel
 
 #: How far corners' colours may differ, per channel, and still be one vertex in coarser levels.
 SAME_COLOUR = 20
@@ -23,7 +23,7 @@ SAME_COLOUR = 20
 INSET = 0.2
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def corner_normals(
     points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, normals: np.ndarray, areas: np.ndarray, crease: float
 ) -> np.ndarray:
@@ -72,7 +72,7 @@ def corner_normals(
     return result
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def keep_given_normals(computed: np.ndarray, given: np.ndarray, vertex: np.ndarray, normals: np.ndarray) -> None:
     """Overwrite computed corner normals (3 m, 3) float32 by the file's, where those are sane.
 
@@ -88,7 +88,7 @@ def keep_given_normals(computed: np.ndarray, given: np.ndarray, vertex: np.ndarr
             computed[c, 0], computed[c, 1], computed[c, 2] = x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def take_over_border_normals(
     computed: np.ndarray,
     triangles: np.ndarray,
@@ -143,7 +143,7 @@ def take_over_border_normals(
                 computed[c, e] = finest[chosen, e]
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray) -> np.ndarray:
     """Colours (3 m, 4) uint8 for the corners of a coarser level, from the closest places of the finest one.
 
@@ -194,7 +194,7 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
     return colours
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def build_vertices(
     points: np.ndarray, triangles: np.ndarray, start: np.ndarray, normals: np.ndarray, colours: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

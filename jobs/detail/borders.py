@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.objects.weld import mix, table_size, weld
+from storage.kernels import allocating_kernel
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def local_meshes(triangles: np.ndarray, start: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Number the vertices of each group of triangles, (m, 3) int32 in groups start (groups + 1,), from zero.
 
@@ -36,7 +36,7 @@ def local_meshes(triangles: np.ndarray, start: np.ndarray, vertices: int) -> tup
     return local, used[:count].copy(), used_start
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def indices_of(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Where each of `wanted` (k, 3) int32 occurs in the distinct points (n, 3) int32: (k,) int32, all must."""
     n, k = len(points), len(wanted)
@@ -47,7 +47,7 @@ def indices_of(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return first[ids[n:]]
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def border_kept(
     points: np.ndarray,
     triangles: np.ndarray,

@@ -7,10 +7,10 @@ angles to the surface along its borders).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.detail.normal_cone import face_normals
 from jobs.objects.weld import OPEN, is_degenerate, mix, table_size, weld
+from storage.kernels import allocating_kernel
 
 #: Two triangles whose normals have a cosine below this turn back on themselves: their edge is a rim.
 FOLD = -0.9
@@ -18,7 +18,7 @@ FOLD = -0.9
 STIFF = 0.999
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def scaled_with_rims(
     grid_points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, locked: np.ndarray, rims: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
@@ -105,7 +105,7 @@ def scaled_with_rims(
     return all_points, all_triangles, centre, scale, staying
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def survivors(triangles: np.ndarray, collapses: np.ndarray, vertices: int) -> np.ndarray:
     """Replay the collapses (k, 2): the indices, in order, of the triangles (m, 3) that are left."""
     into = np.arange(vertices).astype(np.int32)
@@ -130,7 +130,7 @@ def survivors(triangles: np.ndarray, collapses: np.ndarray, vertices: int) -> np
     return left[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def cleaned(points: np.ndarray, triangles: np.ndarray, cancel: bool) -> tuple[np.ndarray, np.ndarray]:
     """Weld grid points (n, 3) int32; drop triangles without area and all but one of those that are equal.
 
@@ -178,7 +178,7 @@ def cleaned(points: np.ndarray, triangles: np.ndarray, cancel: bool) -> tuple[np
     return _compacted(points, first, kept[:count], fate)
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def _compacted(
     points: np.ndarray, first: np.ndarray, triangles: np.ndarray, fate: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,11 @@ of a corner bounds the two-sided Hausdorff distance.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from storage.kernels import allocating_kernel
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def snapped(positions: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Grid coordinates (n, 3) int32 of positions (n, 3) float64, and the displacements (n,) float64 in grid steps.
 
@@ -29,7 +30,7 @@ def snapped(positions: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.nd
     return grid, displacement
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def group_maximum(values: np.ndarray, start: np.ndarray) -> np.ndarray:
     """The largest of the non-negative values (n,) in each group start (groups + 1,): (groups,) float64."""
     largest = np.zeros(len(start) - 1)

@@ -17,9 +17,9 @@ polygonal models, SIGGRAPH 2009 (branch and bound by Voronoi subdivision).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from jobs.detail.closest import SLIM, Surface, closest, distance2
+from storage.kernels import allocating_kernel
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
 MANY_CORNERS = 12
@@ -40,7 +40,7 @@ THIN = 1e-6
 EFFORT = 40
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """The closest triangle (n,) int32 of `surface` to each of points (n, 3), and the squared distance (n,)."""
     stack = np.empty(128, np.int32)
@@ -55,7 +55,7 @@ def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, n
     return nearest, squared
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def probe(a: Surface, b: Surface) -> float:
     """The largest distance to `b` of one corner and the centre of each triangle of `a`: a lower bound."""
     stack = np.empty(128, np.int32)
@@ -77,7 +77,7 @@ def probe(a: Surface, b: Surface) -> float:
     return np.sqrt(largest2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
     """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
     worst = 0
@@ -90,7 +90,7 @@ def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> t
     return bound2, worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: float) -> float:
     """The largest squared distance of the polygon's n corners to triangle k; infinite as soon as it exceeds enough2."""
     bound2 = 0.0
@@ -101,7 +101,7 @@ def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: f
     return bound2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
     """The largest squared height above triangle k of the n corners of a polygon that was cut along k's edges.
 
@@ -118,7 +118,7 @@ def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
     return height * height
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _cut(
     polygon: np.ndarray,
     n: int,
@@ -168,7 +168,7 @@ def _cut(
     return n_in, n_out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     """The largest squared distance between two corners, and which corners they are."""
     best, p, q = -1.0, 0, 0
@@ -183,7 +183,7 @@ def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     return best, p, q
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _size2(corners: np.ndarray, k: int) -> float:
     """The squared length of triangle k's longer edge at its first corner."""
     ab = corners[k, 3] * corners[k, 3] + corners[k, 4] * corners[k, 4] + corners[k, 5] * corners[k, 5]
@@ -191,7 +191,7 @@ def _size2(corners: np.ndarray, k: int) -> float:
     return max(ab, ac)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _part_along_edges(
     planes: np.ndarray,
     twin: np.ndarray,
@@ -233,7 +233,7 @@ def _part_along_edges(
     return top, n, face
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def _halve(
     polygon: np.ndarray,
     n: int,
@@ -266,7 +266,7 @@ def _halve(
     return top + 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def directed_bound(
     a: Surface, nearest: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
 ) -> tuple[float, float]:
@@ -387,7 +387,7 @@ def directed_bound(
     return bound2, lower2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: float) -> tuple[float, float]:
     """An upper bound of the two-sided Hausdorff distance between two surfaces, and the lower bound that was found.
 
@@ -402,7 +402,7 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_kernel()
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
     nearest, squared = point_distances(a.points, b)

@@ -7,13 +7,14 @@ Eurographics 1993; used per cell in the vLOD paper (section 5).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from storage.kernels import allocating_kernel
 
 #: Cones wider than this (cosine of the half angle) cannot lead to a culled drawable: any view sees some front.
 USELESS = 0.02
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def arc_cosine(x: float) -> float:
     """Arc cosine within 7e-5 radians, by arithmetic that gives the same bits on every machine.
 
@@ -24,7 +25,7 @@ def arc_cosine(x: float) -> float:
     return angle if x >= 0.0 else np.pi - angle
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def face_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (m, 3) float64 and twice the areas (m,) of triangles (m, 3) over points (n, 3)."""
     normals = np.zeros((len(triangles), 3))
@@ -45,7 +46,7 @@ def face_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray,
     return normals, areas
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def normal_cones(normals: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cones around the unit normals (m, 3) of each group start (groups + 1,).
 

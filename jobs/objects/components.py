@@ -7,10 +7,11 @@ mesh of the same size.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from storage.kernels import allocating_kernel
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def find(parent: np.ndarray, i: int) -> int:
     """The root of i in a union-find forest (path halving)."""
     while parent[i] != i:
@@ -19,7 +20,7 @@ def find(parent: np.ndarray, i: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def unite(parent: np.ndarray, a: int, b: int) -> None:
     """Join the sets of a and b; the smaller root wins, so the result depends on nothing else."""
     a = find(parent, a)
@@ -30,7 +31,7 @@ def unite(parent: np.ndarray, a: int, b: int) -> None:
         parent[a] = b
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def components(triangles: np.ndarray, vertices: int) -> tuple[np.ndarray, int]:
     """Components of triangles (m, 3) int32 that share welded vertices.
 
@@ -52,7 +53,7 @@ def components(triangles: np.ndarray, vertices: int) -> tuple[np.ndarray, int]:
     return label, count
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def grouped(label: np.ndarray, groups: int) -> tuple[np.ndarray, np.ndarray]:
     """Stable counting sort: order (m,) int64 with equal labels together, start (groups + 1,) int64."""
     start = np.zeros(groups + 1, np.int64)
@@ -68,7 +69,7 @@ def grouped(label: np.ndarray, groups: int) -> tuple[np.ndarray, np.ndarray]:
     return order, start
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def outward_closed(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Which groups of triangles are closed surfaces seen from outside: (groups,) bool.
 

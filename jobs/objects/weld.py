@@ -6,14 +6,15 @@ Hash tables with linear probing: one pass, the same result on every machine, not
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from storage.kernels import allocating_kernel
 
 #: `twins` of a half-edge that no other triangle uses, and of one whose edge is not shared by exactly two in turn.
 OPEN = -1
 NON_MANIFOLD = -2
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def table_size(entries: int) -> int:
     """The smallest power of two that leaves a hash table of `entries` at most half full."""
     size = 4
@@ -22,7 +23,7 @@ def table_size(entries: int) -> int:
     return size
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def mix(value: np.int64) -> np.int64:
     """Spread the low 62 bits of a non-negative int64 over its low 30 bits; no step overflows."""
     low = value & 0x3FFFFFFF
@@ -33,7 +34,7 @@ def mix(value: np.int64) -> np.int64:
     return h ^ (h >> 27)
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def weld(points: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Number the distinct positions of each group, in the order in which they first occur.
 
@@ -66,7 +67,7 @@ def weld(points: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return ids, first[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def is_degenerate(points: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether three grid points, (w, 3) int32 within ±2^24, lie on one line: exact integer arithmetic."""
     ux, uy, uz = (
@@ -82,7 +83,7 @@ def is_degenerate(points: np.ndarray, a: int, b: int, c: int) -> bool:
     return uy * vz == uz * vy and uz * vx == ux * vz and ux * vy == uy * vx
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def degenerate_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Which triangles (m, 3) int32 have no area: (m,) bool. points (w, 3) int32."""
     flat = np.zeros(len(triangles), np.bool_)
@@ -91,7 +92,7 @@ def degenerate_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarra
     return flat
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def twins(triangles: np.ndarray) -> np.ndarray:
     """Pair the half-edges of triangles (m, 3) int32 over welded vertices: (3 m,) int32.
 

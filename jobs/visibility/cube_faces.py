@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.kernels import kernel
+from storage.kernels import kernel
 
 #: Edges nearer than this depth (cell coordinates) are inflated by the whole cell, as one box.
 NEAR = 1.25

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
-from jobs.visibility.kernels import kernel
+from storage.kernels import kernel
 
 
 class Mesh(NamedTuple):

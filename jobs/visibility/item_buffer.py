@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
-from jobs.visibility.kernels import allocating_kernel, kernel
+from storage.kernels import allocating_kernel, kernel
 
 
 @allocating_kernel()

@@ -15,7 +15,7 @@ from jobs.visibility.cube_faces import (
     inverse_depth_plane,
     strip_extent,
 )
-from jobs.visibility.kernels import allocating_kernel, kernel
+from storage.kernels import allocating_kernel, kernel
 
 #: An occludee's nearest depth is rounded down by this factor before it is compared.
 DEPTH_DOWN = 1.0 - 5e-7

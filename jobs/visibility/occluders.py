@@ -34,9 +34,9 @@ import numpy as np
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
-from jobs.visibility.kernels import allocating_kernel, kernel
 from jobs.visibility.occludees import box_hidden_on
 from jobs.visibility.silhouettes import SPAN_NUMBERS, find_limits
+from storage.kernels import allocating_kernel, kernel
 
 #: Stored depths are rounded up by this factor: more than float32's rounding.
 DEPTH_UP = 1.0 + 5e-7

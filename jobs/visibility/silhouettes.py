@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.cube_faces import inflate_edge
-from jobs.visibility.kernels import kernel
+from storage.kernels import kernel
 
 #: The numbers that describe a sweep to `_span`: where its rectangle begins, how that changes along the sweep, the
 #: inverses of how its ends in v change (0 where they do not), and its extent in v.

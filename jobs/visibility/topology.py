@@ -6,10 +6,11 @@ Kernels on plain arrays. All orders depend on the input's order alone, so result
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from storage.kernels import allocating_kernel
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def weld(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Identify equal points.
 
@@ -54,7 +55,7 @@ def weld(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return index, first[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Edges of a triangle soup on welded vertices, each with all the triangles that share it.
 
@@ -117,7 +118,7 @@ def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     return triangle_edges, edge_vertices[:count].copy(), start, uses
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def clusters(
     triangle_edges: np.ndarray,
     start: np.ndarray,
@@ -167,7 +168,7 @@ def clusters(
     return order, offsets[: k + 1].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray) -> np.ndarray:
     """Number what hangs together by edges, whatever drawables it belongs to.
 

@@ -6,11 +6,12 @@ Based on: the DWARF Debugging Information Format, version 4, 2010, section 7.6.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from storage.kernels import allocating_kernel
 
-@njit(cache=True, nogil=True)
+
+@allocating_kernel()
 def encode_varints(numbers: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """Bytes (k,) uint8 of numbers (n,) uint32: one to five bytes each."""
     out = np.empty(5 * len(numbers), np.uint8)
@@ -26,7 +27,7 @@ def encode_varints(numbers: NDArray[np.uint32]) -> NDArray[np.uint8]:
     return out[:at].copy()
 
 
-@njit(cache=True, nogil=True)
+@allocating_kernel()
 def decode_varints(data: NDArray[np.uint8], count: int) -> NDArray[np.uint32]:
     """The `count` numbers (count,) uint32 that the bytes hold, all of them. Raises ValueError if they do not."""
     out = np.empty(count, np.uint32)

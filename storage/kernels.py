@@ -1,0 +1,63 @@
+"""How inner loops are compiled, and when compiled code is still good.
+
+Kernels run without the interpreter lock and without checks. numba keeps compiled code beside the source and compiles
+again where that one file changed; but a kernel also takes in what it imports, functions as well as constants. So
+compiled code is stamped here with all of it: changed code never meets old machine code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from numba import config, njit
+from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
+from numba.core.dispatcher import Dispatcher
+
+#: Values that are compiled into the kernels that name them.
+CONSTANTS = (bool, int, float, complex, str, bytes, tuple)
+
+_stamps: dict[Callable[..., Any], str] = {}
+
+
+class _StampedBySources:
+    """A place for compiled code that knows what the code was made of."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        super().__init__(function, file)  # type: ignore[call-arg]
+        self._stamp = _stamps.setdefault(function, _stamp(function, file))
+
+    def get_source_stamp(self) -> str:
+        """The same for the same code and the same code and constants that it takes in from other files."""
+        return self._stamp
+
+
+class BesideSource(_StampedBySources, InTreeCacheLocator):
+    """In __pycache__ beside the source."""
+
+
+class InUsersCache(_StampedBySources, UserWideCacheLocator):
+    """In the user's cache folder, where the source's folder may not be written."""
+
+
+def _stamp(function: Callable[..., Any], file: str) -> str:
+    digest = hashlib.blake2b(Path(file).read_bytes(), digest_size=16)
+    for name, value in sorted(function.__globals__.items()):
+        if isinstance(value, Dispatcher) and value.py_func.__module__ != function.__module__:
+            digest.update(f"{name} {_stamps.get(value.py_func)}\0".encode())
+        elif isinstance(value, CONSTANTS) and not name.startswith("__"):
+            digest.update(f"{name} {value!r}\0".encode())
+    return digest.hexdigest()
+
+
+config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place.__name__}" for place in (BesideSource, InUsersCache))  # type: ignore[attr-defined]
+
+#: For kernels that make arrays. Divisions by zero give infinities and nans, as in numpy, and nothing is raised.
+allocating_kernel = partial(njit, cache=True, nogil=True, error_model="numpy")
+
+#: For kernels that make no arrays. numba would count references to each array at each call, by atomic operations that
+#: took a fifth of the engine's time; without its memory manager there are none.
+kernel = partial(allocating_kernel, _nrt=False)

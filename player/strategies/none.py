@@ -11,14 +11,14 @@ from player.view import Vector, View
 
 
 class NoCulling:
-    """Draws the finest level of every leaf, always."""
+    """Draws the finest level of every node, always."""
 
     name = "none"
 
     def __init__(self, scene: Scene, *, pixel_error: float) -> None:
         self.pixel_error = pixel_error  # has no effect here
         self._scene = scene
-        self._everything = scene.first_drawable[scene.leaves]
+        self._everything = np.sort(scene.first_drawable)
 
     def choose(self, view: View) -> Choice:
         """The whole model."""

@@ -13,13 +13,12 @@ import contextlib
 import fcntl
 import os
 import shutil
-import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from jobs.errors import WorkInUseError
-from storage.temporary import abandoned, temporary_path
+from storage.temporary import abandoned, host, temporary_path
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class Workplace:
                     f"{self.work} is in use by another build ({owner}): wait for it, or choose another --work directory"
                 ) from None
             file.truncate(0)
-            file.write(f"process {os.getpid()} on {_host()}\n")
+            file.write(f"process {os.getpid()} on {host()}\n")
             file.flush()
             try:
                 yield
@@ -97,10 +96,6 @@ class Workplace:
                     path.unlink(missing_ok=True)
                 removed += 1
         return removed
-
-
-def _host() -> str:
-    return socket.gethostname() or "localhost"
 
 
 def _flush(path: Path) -> None:

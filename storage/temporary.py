@@ -21,7 +21,7 @@ FOREIGN_LEFTOVER_AGE = 24 * 3600.0
 
 def temporary_path(folder: Path) -> Path:
     """A path in `folder` that nothing else uses. Nothing is made there yet."""
-    return folder / f"{PREFIX}{_host()}-{os.getpid()}-{secrets.token_hex(8)}"
+    return folder / f"{PREFIX}{host()}-{os.getpid()}-{secrets.token_hex(8)}"
 
 
 def abandoned(folder: Path) -> list[Path]:
@@ -30,8 +30,8 @@ def abandoned(folder: Path) -> list[Path]:
 
 
 def _is_abandoned(path: Path) -> bool:
-    host, _, process = path.name.removeprefix(PREFIX).rpartition("-")[0].rpartition("-")
-    if host != _host():
+    writer, _, process = path.name.removeprefix(PREFIX).rpartition("-")[0].rpartition("-")
+    if writer != host():
         try:
             return time.time() - path.stat().st_mtime > FOREIGN_LEFTOVER_AGE
         except OSError:
@@ -45,5 +45,6 @@ def _is_abandoned(path: Path) -> bool:
     return False
 
 
-def _host() -> str:
+def host() -> str:
+    """The name that this machine's writers go by."""
     return socket.gethostname() or "localhost"

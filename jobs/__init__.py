@@ -3,13 +3,13 @@
 Read in this order:
 
     importing/     model files to parts
-    objects/       parts to pieces
-    detail/        levels of every piece, each with a certified error
-    assemble       pieces and their placements to nodes and drawables
+    objects/       parts to pieces, pieces to objects, and the tree above them
+    detail/        levels of every node of the tree, each with a certified error
+    assemble       levels and their placements to the store's nodes and drawables
     visibility/    what can be seen from a cell
     cells          subtrees of view cells
-    pipeline       all of the above in order; stages holds the work of each task, plan their keys and sizes
-    tasks          what a task is, when it is finished; workplace holds their results
+    pipeline       all of the above in order; stages/ holds the work of each task, plan their keys and sizes
+    tasks          what a task is, when it is finished; workplace holds their results, arrays writes them
     executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray);
                    choose_executor: which of them
     verify         an oracle for finished stores

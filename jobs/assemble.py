@@ -1,7 +1,8 @@
-"""From pieces and their placements to nodes and drawables.
+"""From levels and their placements to nodes and drawables.
 
-Each placement of a piece becomes one node, each level of it one drawable. Everything that a drawable claims (box,
-error, cone) is worked out from the very positions that a store gives out for it: integers on the model's grid.
+Each placement of a node's levels becomes one node of the store, each level of it one drawable. Everything that a
+drawable claims (box, error, cone) is worked out from the very positions that a store gives out for it: integers on the
+model's grid.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from storage.tables import DRAWABLE, NODE, Grid, transform_points
 
 if TYPE_CHECKING:
-    from jobs.detail.pieces import Level, Piece
+    from jobs.detail.node import Level, Node
 
 #: Half angles of cones are rounded up to a multiple of this, in radians: far above what differing arccos differ by.
 ANGLE_STEP = 2.0**-12
@@ -61,14 +62,14 @@ def _multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (terms[0] + terms[1]) + terms[2]
 
 
-def place_piece(
-    piece: Piece, placements: Sequence[Placement], grid: Grid, first_geometry: int
+def place_node(
+    made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (p,) and drawables (p * levels,) of a piece's placements, in their order.
+    """Nodes (p,) and drawables (p * levels,) of a node's placements, in their order; `end` is left 0.
 
     The drawables' geometry counts up from first_geometry, finest level first; node and first_drawable count from 0.
     """
-    levels = piece.levels
+    levels = made.levels
     nodes = np.zeros(len(placements), NODE)
     drawables = np.zeros(len(placements) * len(levels), DRAWABLE)
     for n, placement in enumerate(placements):
@@ -76,7 +77,7 @@ def place_piece(
         node_lo, node_hi = np.full(3, np.inf), np.full(3, -np.inf)
         previous = -1.0
         for number, level in enumerate(levels):
-            positions, flipped = grid_positions(level, piece.scale, placement, grid)
+            positions, flipped = grid_positions(level, made.scale, placement, grid)
             used = positions[level.triangles.reshape(-1)]
             lo, hi = used.min(axis=0) * grid.step, used.max(axis=0) * grid.step
             error = level.error
@@ -90,8 +91,8 @@ def place_piece(
             previous = max(float(float32_up(error)), float(np.nextafter(np.float32(previous), np.float32(np.inf))))
             row["error"] = previous
             row["lo"], row["hi"] = float32_down(lo), float32_up(hi)
-            row["one_sided"] = piece.one_sided
-            row["cone_axis"], row["cone_angle"] = _cone(level, positions, placement, flipped, piece.one_sided)
+            row["one_sided"] = level.one_sided
+            row["cone_axis"], row["cone_angle"] = _cone(level, positions, placement, flipped, level.one_sided)
             reach = float(row["error"]) if number == 0 else 0.0
             node_lo, node_hi = np.minimum(node_lo, lo - reach), np.maximum(node_hi, hi + reach)
         node = nodes[n]
@@ -108,40 +109,54 @@ def grid_positions(level: Level, scale: float, placement: Placement, grid: Grid)
     return grid.snap(points).astype(np.int64), _determinant(placement.matrix) < 0
 
 
-def join(
-    chunks: Sequence[tuple[np.ndarray, np.ndarray, int]], lo: np.ndarray, hi: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The whole model's nodes and drawables from those of its chunks.
-
-    chunks: nodes, drawables (geometry counted from the chunk's start) and number of meshes of each chunk; lo, hi: the
-    model's box (3,). Nodes are put in Morton order of their centres, so that what lies together has neighbouring ids.
-    """
-    nodes, drawables = [], []
-    first_node = first_drawable = first_geometry = 0
-    for chunk_nodes, chunk_drawables, meshes in chunks:
-        n, d = chunk_nodes.copy(), chunk_drawables.copy()
+def join_rows(rows: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and drawables of several `place_node` as one pair of tables, in their order."""
+    nodes, drawables = [np.zeros(0, NODE)], [np.zeros(0, DRAWABLE)]
+    first_node = first_drawable = 0
+    for own_nodes, own_drawables in rows:
+        n, d = own_nodes.copy(), own_drawables.copy()
         n["first_drawable"] += first_drawable
         d["node"] += first_node
-        d["geometry"] += first_geometry
         nodes.append(n)
         drawables.append(d)
-        first_node, first_drawable, first_geometry = (
-            first_node + len(n),
-            first_drawable + len(d),
-            first_geometry + meshes,
-        )
-    all_nodes = np.concatenate([np.zeros(0, NODE), *nodes])
-    all_drawables = np.concatenate([np.zeros(0, DRAWABLE), *drawables])
-    order = _spatial_order(all_nodes, lo, hi)
-    levels = all_nodes["levels"][order].astype(np.int64)
+        first_node, first_drawable = first_node + len(n), first_drawable + len(d)
+    return np.concatenate(nodes), np.concatenate(drawables)
+
+
+def join_nodes(
+    end: np.ndarray, chunks: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], geometries: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The whole model's nodes and drawables.
+
+    end (n,) int64: the tree, see jobs.objects.tree; chunks: the places in the tree (k,), nodes (k,) and drawables of
+    each task; geometries: how many meshes each task stored. Nodes of the tree that nothing was stored for are left
+    out. The box of each node grows to hold those below it.
+    """
+    places = np.concatenate([places for places, _, _ in chunks])
+    shifts = np.cumsum([0, *geometries])
+    moved = []
+    for (_, own_nodes, own_drawables), shift in zip(chunks, shifts[:-1], strict=True):
+        d = own_drawables.copy()
+        d["geometry"] += np.uint32(shift)
+        moved.append((own_nodes, d))
+    nodes, drawables = join_rows(moved)
+    order = np.argsort(places, kind="stable")
+    levels = nodes["levels"][order].astype(np.int64)
     starts = np.concatenate([[0], np.cumsum(levels)])
-    source = np.repeat(all_nodes["first_drawable"][order].astype(np.int64) - starts[:-1], levels) + np.arange(
-        starts[-1]
-    )
-    sorted_nodes, sorted_drawables = all_nodes[order], all_drawables[source]
-    sorted_nodes["first_drawable"] = starts[:-1]
-    sorted_drawables["node"] = np.repeat(np.arange(len(order)), levels)
-    return sorted_nodes, sorted_drawables
+    source = np.repeat(nodes["first_drawable"][order].astype(np.int64) - starts[:-1], levels) + np.arange(starts[-1])
+    nodes, drawables = nodes[order], drawables[source]
+    nodes["first_drawable"] = starts[:-1]
+    drawables["node"] = np.repeat(np.arange(len(order)), levels)
+    nodes["end"] = np.searchsorted(places[order], end[places[order]])
+    lo, hi = nodes["lo"].copy(), nodes["hi"].copy()
+    ends = nodes["end"].tolist()
+    for node in range(len(nodes) - 1, -1, -1):
+        child = node + 1
+        while child < ends[node]:
+            lo[node], hi[node] = np.minimum(lo[node], lo[child]), np.maximum(hi[node], hi[child])
+            child = ends[child]
+    nodes["lo"], nodes["hi"] = lo, hi
+    return nodes, drawables
 
 
 def float32_up(values: np.ndarray | float) -> np.ndarray:
@@ -156,17 +171,6 @@ def float32_down(values: np.ndarray | float) -> np.ndarray:
     exact = np.asarray(values, np.float64)
     near = exact.astype(np.float32)
     return np.where(near > exact, np.nextafter(near, np.float32(-np.inf)), near)
-
-
-def _spatial_order(nodes: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
-    """Indices (n,) that put nodes in Morton order of their boxes' centres; equal places keep their order."""
-    from storage.octree import MAX_DEPTH, encode
-
-    centres = (nodes["lo"].astype(np.float64) + nodes["hi"]) / 2
-    size = max(float((hi - lo).max()), np.finfo(np.float64).tiny)
-    cells = 1 << MAX_DEPTH
-    places = np.clip(np.floor((centres - lo) / size * cells), 0, cells - 1).astype(np.int64)
-    return np.argsort(encode(places, MAX_DEPTH), kind="stable")
 
 
 def _cone(

@@ -17,7 +17,7 @@ import numpy as np
 from jobs.visibility.engine import Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage import octree
-from storage.detail import choose_levels
+from storage.detail import choose_cut
 from storage.octree import Octree
 from storage.store import Geometry
 from storage.tables import CELL
@@ -129,7 +129,7 @@ def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
     lo, hi = parameters.octree.box(key)
     # as the store will remember it, so that a reader of the store finds the very same cut
     pixel_error = float(np.float32(parameters.pixel_error))
-    return choose_levels(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, pixel_error)
+    return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, pixel_error)
 
 
 def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> Soup:

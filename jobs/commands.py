@@ -46,6 +46,48 @@ class _Corners(click.Option):
 @click.option(
     "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
 )
+@click.option(
+    "--object-triangles",
+    type=int,
+    default=1000,
+    show_default=True,
+    help="Parts with more triangles are split where they are large or long; objects have at most ten times as many.",
+)
+@click.option(
+    "--object-size",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="What counts as large: a diagonal above this part of the model's.",
+)
+@click.option(
+    "--object-ratio",
+    type=float,
+    default=2.5,
+    show_default=True,
+    help="What counts as long: a box whose longest edge is this many times its shortest.",
+)
+@click.option(
+    "--cluster-distance",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="Parts nearer than this part of the model's extent may become one object.",
+)
+@click.option(
+    "--cluster-cardinality",
+    type=float,
+    default=1500,
+    show_default=True,
+    help="About how many parts one object is made of at most.",
+)
+@click.option(
+    "--cluster-volume",
+    type=float,
+    default=0.001,
+    show_default=True,
+    help="Largest box of an object of several parts, as a part of the model's.  0: none are joined.",
+)
 @click.option("--units", metavar="UNIT", help="Length unit of the input (mm, m, in ...). Default: what the files say.")
 @click.option("--up", type=click.Choice(["x", "y", "z"]), help="Axis that points up. Default: what the files say.")
 @click.option(

@@ -9,11 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from jobs.detail.options import DetailOptions
+from jobs.objects.options import Clustering, Limits, ObjectOptions
 from storage.errors import ParameterError
 from storage.octree import MAX_DEPTH, Octree
 
 #: How much the view space exceeds the model's box on every side by default, as a fraction of the box.
 VIEW_MARGIN = 0.02
+
+#: Objects have at most this many times the triangles that a part has before it may be split: t2 / t1.
+AGAIN = 10
 
 Box = tuple[float, float, float, float, float, float]
 
@@ -30,6 +35,12 @@ class BuildParameters:
     pixel_error: float = 1.0  # allowed error, in pixels
     screen_height: int = 1080  # in pixels
     field_of_view: float = 60.0  # vertical, in degrees
+    object_triangles: int = 1000  # t1 of Partition I: parts with more are split if they are large or long
+    object_size: float = 0.1  # s1: large is a diagonal above this part of the model's
+    object_ratio: float = 2.5  # r1: long is a box whose longest edge is this many times its shortest
+    cluster_distance: float = 0.1  # D: parts nearer than this part of the model's extent may become one object
+    cluster_cardinality: float = 1500.0  # K: about how many parts one object is made of at most
+    cluster_volume: float = 1e-3  # V: largest box of an object of several parts, as a part of the model's
     units: str | None = None  # length unit of the input files; None: what they say
     up: str | None = None  # x, y or z; None: what they say
 
@@ -48,8 +59,28 @@ class BuildParameters:
         for name, value in (("cell size", self.cell_size), ("pixel error", self.pixel_error)):
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ParameterError(f"the {name} must be positive, not {value}")
+        self.detail()
+        self.objects()
         if self.up not in (None, "x", "y", "z"):
             raise ParameterError(f"up must be x, y or z, not {self.up!r}")
+
+    def detail(self) -> DetailOptions:
+        """How pieces and levels are made: Partition I. Raises ParameterError."""
+        return DetailOptions(
+            Limits(self.object_triangles, self.object_size, self.object_ratio, AGAIN * self.object_triangles)
+        )
+
+    def objects(self) -> ObjectOptions:
+        """How pieces become objects: clustering and Partition II. Raises ParameterError."""
+        return ObjectOptions(
+            Clustering(self.cluster_distance, self.cluster_cardinality, self.cluster_volume),
+            Limits(
+                AGAIN * self.object_triangles,
+                2 * self.object_size,
+                max(1.0, self.object_ratio / 2),
+                AGAIN * self.object_triangles,
+            ),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """All parameters by name, as JSON."""

@@ -1,7 +1,10 @@
 """The job from end to end: model files in, a store out.
 
     import      model files to parts                                  one task
-    detail      parts to pieces with levels, in geometry shards       one task for each chunk of meshes
+    pieces      parts to pieces, no larger than objects may be        one task for each chunk of meshes
+    hierarchy   pieces to objects, and the tree above them            one task
+    shared      levels of what is placed several times                one task for each chunk of meshes
+    nodes       levels of all other nodes, from the leaves up         one task for each fragment of the tree
     tables      nodes and drawables of the whole model                one task
     cells       what can be seen from each view cell                  waves of subtrees of the octree
     layout      the order of all cells, and which share a face        one task
@@ -26,11 +29,12 @@ from jobs.executors import Executor, Then, no_more
 from jobs.memory import MemoryWatch
 from jobs.parameters import BuildParameters, view_space
 from jobs.progress import Progress, Silent
+from jobs.stages.detail import geometry_section_of
 from jobs.tasks import Stage, Task, TaskResult
 from jobs.workplace import Workplace
 from storage.detail import pixel_angle
 from storage.errors import ParameterError
-from storage.manifest import Manifest, commit
+from storage.manifest import Manifest, commit, current
 from storage.octree import ROOT
 from storage.writer import cells_section
 
@@ -47,7 +51,8 @@ def build(
 
     inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default.
     May be interrupted or killed at any moment; the same call again goes on where it was. Raises ModelError,
-    ParameterError, JobError, and OSError where files cannot be written.
+    ParameterError, JobError, StoreError where the former version cannot be read, and OSError where files cannot be
+    written.
     """
     began = time.perf_counter()
     angle = pixel_angle(parameters.screen_height, parameters.field_of_view)
@@ -56,16 +61,14 @@ def build(
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{path} is a file: name a directory, new or of an earlier build")
     place.store.mkdir(parents=True, exist_ok=True)
+    current(place.store)  # what the build will be the next version of: better to know now that it cannot be
     with place.locked(), place.cleaned(), MemoryWatch() as watch:
-        run = _Run(place, executor, progress or Silent(), watch)
+        run = Run(place, executor, progress or Silent(), watch)
 
-        imported = run.one(plan.import_task(inputs, parameters))
+        imported, tables = make_geometry(run, inputs, parameters)
         model = imported.record["model"]
         lo, hi, origin = (np.asarray(model[name], np.float64) for name in ("lo", "hi", "origin"))
         space = view_space(parameters, lo, hi, origin)
-
-        detail = run.all(stages.DETAIL, plan.detail_tasks(place, imported))
-        tables = run.one(plan.tables_task(imported, detail))
 
         cell_parameters = plan.cell_parameters(parameters, space, angle)
         triangles = int(tables.record["counts"]["finest_triangles"])
@@ -83,7 +86,7 @@ def build(
         shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
 
         names = [str(shard.record["shards"][0][0]) for shard in shards]
-        section = stages.geometry_section_of(place, tables.key)
+        section = geometry_section_of(place, tables.key)
         manifest = Manifest(
             model=model,
             pixel_angle=angle,
@@ -108,7 +111,23 @@ def build(
     )
 
 
-class _Run:
+def make_geometry(run: Run, inputs: Sequence[Path], parameters: BuildParameters) -> tuple[TaskResult, TaskResult]:
+    """Model files to the hierarchy with all its levels: the results of the import and of the tables."""
+    imported = run.one(plan.import_task(inputs, parameters))
+    return imported, make_levels(run, imported, parameters)
+
+
+def make_levels(run: Run, imported: TaskResult, parameters: BuildParameters) -> TaskResult:
+    """An imported model to the hierarchy with all its levels: the result of the tables."""
+    pieces = run.all(stages.PIECES, plan.pieces_tasks(run.place, imported, parameters))
+    hierarchy = run.one(plan.hierarchy_task(imported, pieces, parameters))
+    shared = run.all(stages.SHARED, plan.shared_tasks(imported, pieces, hierarchy, parameters))
+    fragments = plan.NodesPlan(run.place, imported, pieces, hierarchy, shared, parameters)
+    nodes = run.all(stages.NODES, fragments.first(), fragments.then)
+    return run.one(plan.tables_task(imported, hierarchy, [*shared, *nodes]))
+
+
+class Run:
     """Runs stages one after the other and notes what they took."""
 
     def __init__(self, place: Workplace, executor: Executor, progress: Progress, watch: MemoryWatch) -> None:

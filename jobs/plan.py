@@ -7,14 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jobs import stages
 from jobs.inputs import content_of, total_bytes
+from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
+from jobs.stages.cells import shards_needed
+from jobs.stages.model import Shapes, imported_model
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
 
-#: Triangles of a detail task: some ten seconds of work.
-CHUNK_TRIANGLES = 150_000
+#: Triangles of a task that finds pieces: some seconds of work.
+PIECES_TRIANGLES = 500_000
+
+#: Triangles that a task on nodes works on: some ten seconds of work.
+NODES_TRIANGLES = 150_000
 
 #: What a process of a job holds before it does anything (interpreter, numpy, compiled kernels), in bytes.
 PROCESS = 400 << 20
@@ -22,7 +30,13 @@ PROCESS = 400 << 20
 #: Bytes for each byte of the input files while they are imported.
 IMPORT_PER_BYTE = 20
 
-#: Bytes for each triangle of a chunk while its levels are made.
+#: Bytes for each triangle of a chunk while its pieces are found.
+PIECES_PER_TRIANGLE = 1000
+
+#: Bytes for each placed piece while the hierarchy is made.
+HIERARCHY_PER_PIECE = 2000
+
+#: Bytes for each triangle of a fragment while its levels are made.
 DETAIL_PER_TRIANGLE = 1500
 
 #: Bytes for each triangle of a cut while its cells are worked out.
@@ -40,38 +54,135 @@ def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
     return Task(stages.IMPORT, payload, places, PROCESS + IMPORT_PER_BYTE * total_bytes(inputs))
 
 
-def detail_tasks(place: Workplace, imported: TaskResult) -> Iterator[Task]:
-    """The levels of all pieces, in chunks of meshes."""
-    from jobs.detail.pieces import DetailOptions, plan_chunks
+def pieces_tasks(place: Workplace, imported: TaskResult, parameters: BuildParameters) -> Iterator[Task]:
+    """Partition I, in chunks of meshes."""
+    from jobs.detail.pieces import plan_chunks
 
-    model = stages.imported_model(place, imported.key)
-    options = DetailOptions(triangles_per_chunk=CHUNK_TRIANGLES)
-    for meshes in plan_chunks(model, options):
-        triangles = int(model.meshes["triangles"][meshes].sum())
+    model = imported_model(place, imported.key)
+    for meshes in plan_chunks(model, PIECES_TRIANGLES):
         yield Task(
-            stages.DETAIL,
+            stages.PIECES,
             {
                 "model": imported.record["model"]["digest"],
                 "meshes": [int(mesh) for mesh in meshes],
-                "options": dataclasses.asdict(options),
+                "options": _detail_options(parameters),
             },
             {"import": imported.key},
-            PROCESS + DETAIL_PER_TRIANGLE * triangles,
+            PROCESS + PIECES_PER_TRIANGLE * int(model.meshes["triangles"][meshes].sum()),
         )
 
 
-def tables_task(imported: TaskResult, detail: Sequence[TaskResult]) -> Task:
-    """The tables of the whole model."""
+def hierarchy_task(imported: TaskResult, pieces: Sequence[TaskResult], parameters: BuildParameters) -> Task:
+    """Clusters, objects and the tree: boxes only."""
     payload = {
         "model": imported.record["model"]["digest"],
+        "pieces": [result.record["content"] for result in pieces],
+        "options": dataclasses.asdict(parameters.objects()),
+    }
+    places = {"import": imported.key, "pieces": [result.key for result in pieces]}
+    return Task(stages.HIERARCHY, payload, places, PROCESS + HIERARCHY_PER_PIECE * _pieces_in(pieces))
+
+
+def shared_tasks(
+    imported: TaskResult, pieces: Sequence[TaskResult], hierarchy: TaskResult, parameters: BuildParameters
+) -> Iterator[Task]:
+    """Levels of the pieces that several placements share: one task for each of those that found pieces."""
+    for chunk, found in enumerate(pieces):
+        yield Task(
+            stages.SHARED,
+            {
+                "model": imported.record["model"]["digest"],
+                "chunk": chunk,
+                "pieces": found.record["content"],
+                "hierarchy": hierarchy.record["content"],
+                "options": _detail_options(parameters),
+            },
+            {"import": imported.key, "hierarchy": hierarchy.key, "pieces": found.key},
+            PROCESS + DETAIL_PER_TRIANGLE * int(found.record["triangles"]),
+        )
+
+
+class NodesPlan:
+    """Tasks on fragments of the tree: a fragment's task can be made when those below it are finished."""
+
+    def __init__(
+        self,
+        place: Workplace,
+        imported: TaskResult,
+        pieces: Sequence[TaskResult],
+        hierarchy: TaskResult,
+        shared: Sequence[TaskResult],
+        parameters: BuildParameters,
+    ) -> None:
+        from jobs.objects.fragments import plan_fragments
+
+        shapes = Shapes.open(place, hierarchy.key)
+        triangles = np.zeros(len(shapes.end), np.int64)
+        leaves = np.flatnonzero(shapes.leaf >= 0)
+        counts = shapes.placed["triangles"][shapes.members].astype(np.int64)
+        triangles[leaves] = np.add.reduceat(counts, shapes.start[:-1])[shapes.leaf[leaves]]
+        self._fragments = plan_fragments(shapes.end, triangles, NODES_TRIANGLES)
+        self._above = {stop: fragment.root for fragment in self._fragments for stop in fragment.stops}
+        self._by_root = {fragment.root: fragment for fragment in self._fragments}
+        self._finished: dict[int, TaskResult] = {}
+        self._payload = {
+            "model": imported.record["model"]["digest"],
+            "hierarchy": hierarchy.record["content"],
+            "pieces": [result.record["content"] for result in pieces],
+            "shared": [result.record["content"] for result in shared],
+            "options": _detail_options(parameters),
+        }
+        self._places = {
+            "import": imported.key,
+            "hierarchy": hierarchy.key,
+            "pieces": [result.key for result in pieces],
+            "shared": [result.key for result in shared],
+        }
+
+    def first(self) -> Iterator[Task]:
+        """The tasks that wait for no other."""
+        return (self._task(fragment) for fragment in self._fragments if not fragment.stops)
+
+    def then(self, result: TaskResult) -> list[Task]:
+        """The tasks that can be made now that one more is finished."""
+        root = int(result.task.payload["root"])
+        self._finished[root] = result
+        above = self._above.get(root)
+        if above is None or not all(stop in self._finished for stop in self._by_root[above].stops):
+            return []
+        return [self._task(self._by_root[above])]
+
+    def _task(self, fragment: Fragment) -> Task:
+        below = [self._finished[stop] for stop in fragment.stops]
+        payload = {
+            **self._payload,
+            "root": fragment.root,
+            "stops": fragment.stops,
+            "heights": [int(result.record["height"]) for result in below],
+            "below": [result.record["content"] for result in below],
+        }
+        places = {**self._places, "below": [result.key for result in below]}
+        return Task(stages.NODES, payload, places, PROCESS + DETAIL_PER_TRIANGLE * fragment.triangles)
+
+
+def tables_task(imported: TaskResult, hierarchy: TaskResult, detail: Sequence[TaskResult]) -> Task:
+    """The tables of the whole model, from all tasks on detail."""
+    payload = {
+        "model": imported.record["model"]["digest"],
+        "hierarchy": hierarchy.record["content"],
         "shards": [result.record["shards"][0] for result in detail],
         "tables": [result.record["content"] for result in detail],
     }
-    return Task(stages.TABLES, payload, {"import": imported.key, "detail": [result.key for result in detail]})
+    places = {
+        "import": imported.key,
+        "hierarchy": hierarchy.key,
+        "detail": [[result.task.stage.name, result.key] for result in detail],
+    }
+    return Task(stages.TABLES, payload, places)
 
 
 def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: float) -> dict[str, Any]:
-    """What decides the cells, as JSON: see `stages.cell_parameters`."""
+    """What decides the cells, as JSON: see `jobs.stages.cells`."""
     from jobs.visibility.engine import EngineSettings
 
     return {
@@ -105,7 +216,7 @@ def layout_task(cells: Sequence[TaskResult]) -> Task:
 
 def shard_tasks(place: Workplace, layout: TaskResult, cells: Sequence[TaskResult]) -> Iterator[Task]:
     """One cell shard for each result of the cell stage, in their order."""
-    for number, needs in enumerate(stages.shards_needed(place, layout.key)):
+    for number, needs in enumerate(shards_needed(place, layout.key)):
         payload = {
             "layout": layout.record["content"],
             "shard": number,
@@ -114,3 +225,11 @@ def shard_tasks(place: Workplace, layout: TaskResult, cells: Sequence[TaskResult
         }
         places = {"layout": layout.key, "cells": [cells[other].key for other in needs]}
         yield Task(stages.SHARDS, payload, places)
+
+
+def _detail_options(parameters: BuildParameters) -> dict[str, Any]:
+    return dataclasses.asdict(parameters.detail())
+
+
+def _pieces_in(results: Sequence[TaskResult]) -> int:
+    return sum(int(result.record["pieces"]) for result in results)

@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jobs.errors import CodeMismatchError
 from jobs.memory import peak_memory, reset_peak
 from jobs.workplace import Workplace
@@ -113,6 +115,14 @@ def canonical_json(value: Any) -> str:
 def content_key(*parts: Any) -> str:
     """Key of a list of JSON values."""
     return hashlib.blake2b(canonical_json(parts).encode(), digest_size=16).hexdigest()
+
+
+def content_of_arrays(*arrays: np.ndarray) -> str:
+    """Hash of arrays' bytes."""
+    digest = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def find_finished(task: Task, place: Workplace) -> TaskResult | None:

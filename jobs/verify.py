@@ -205,20 +205,25 @@ def _check_deltas(store: Store, computed: np.ndarray, report: VerifyReport) -> N
 
 
 def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
-    """The vLOD is part of the cut; the cut holds each node once, fine enough as seen from the cell."""
+    """The vLOD is part of the cut; the cut stands for each leaf exactly once, fine enough as seen from the cell."""
     cut, vlod = store.cut(cell), store.vlod(cell)
     if len(np.setdiff1d(vlod, cut)):
         report.problems.append(f"cell {cell}: {len(np.setdiff1d(vlod, cut))} drawables of its vLOD are not in its cut")
     rows = store.drawables[cut]
-    if len(cut) != len(store.nodes) or len(np.unique(rows["node"])) != len(store.nodes):
-        report.problems.append(f"cell {cell}: its cut does not hold every node exactly once")
+    end = store.nodes["end"].astype(np.int64)
+    leaf = end == np.arange(len(end)) + 1
+    covered = np.zeros(len(end) + 1, np.int64)
+    np.add.at(covered, rows["node"], 1)
+    np.add.at(covered, end[rows["node"]], -1)
+    if (np.cumsum(covered)[:-1][leaf] != 1).any():
+        report.problems.append(f"cell {cell}: its cut does not stand for every leaf exactly once")
     row = store.cells[cell]
     # from anywhere in the cell a point of the drawable is at least this far away
     gap = np.maximum(rows["lo"].astype(np.float64) - row["hi"], row["lo"] - rows["hi"].astype(np.float64)).clip(min=0)
     distance = np.sqrt((gap * gap).sum(axis=1))
     error = rows["error"].astype(np.float64)
     allowed = float(row["pixel_error"]) * store.manifest.pixel_angle * np.maximum(distance, 0)
-    coarse = (rows["level"] > 0) & (error > allowed * (1 + 1e-6))
+    coarse = ((rows["level"] > 0) | ~leaf[rows["node"]]) & (error > allowed * (1 + 1e-6))
     for d in cut[coarse][:MOST_TOLD]:
         report.problems.append(f"cell {cell}: drawable {d} is too coarse for the allowed {row['pixel_error']} pixels")
 
@@ -326,8 +331,8 @@ def _accusations(store: Store, cell: int, missed: list[Sight]) -> Iterator[str]:
     """A line for each missed drawable, with all that is needed to see it oneself."""
     for sight in missed:
         node = int(store.drawables["node"][sight.drawable])
-        name = store.part_names[int(store.nodes["part"][node])]
+        names = ", ".join(repr(name) for name in store.names_of(node)[:3])
         yield (
-            f"cell {cell} (key {int(store.cells['key'][cell])}) misses drawable {sight.drawable} of part {name!r}: "
+            f"cell {cell} (key {int(store.cells['key'][cell])}) misses drawable {sight.drawable} of {names}: "
             f"seen from {sight.origin} along {sight.direction} at {sight.distance:g} ray lengths"
         )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from player.view import Boxes, boxes_between
 from storage.store import Store
+from storage.tree import leaves, parents
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,8 @@ class Scene:
     node_of: NDArray[np.int64]  # (drawables,)
     first_drawable: NDArray[np.int64]  # (nodes,)
     levels: NDArray[np.int64]  # (nodes,)
+    parent: NDArray[np.int64]  # (nodes,) the node above each one, -1 above roots
+    leaves: NDArray[np.int64]  # the nodes with none below them
     lo: NDArray[np.float64]  # (3,) box of the whole model
     hi: NDArray[np.float64]
 
@@ -48,6 +51,8 @@ def scene_of(store: Store) -> Scene:
         node_of=drawables["node"].astype(np.int64),
         first_drawable=nodes["first_drawable"].astype(np.int64),
         levels=nodes["levels"].astype(np.int64),
+        parent=parents(nodes),
+        leaves=np.flatnonzero(leaves(nodes)),
         lo=np.asarray(store.manifest.model["lo"], np.float64),
         hi=np.asarray(store.manifest.model["hi"], np.float64),
     )

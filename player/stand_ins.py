@@ -1,4 +1,4 @@
-"""Which level to draw of a node whose chosen level has not arrived yet: never a stall, hardly ever a hole."""
+"""What to draw of a node whose chosen level has not arrived yet: never a stall, hardly ever a hole."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ class StandIns(NamedTuple):
     """What can be drawn now."""
 
     drawables: Ids  # sorted ids
-    replaced: int  # nodes drawn at another level than chosen
+    replaced: int  # nodes drawn at another level than chosen, or by a node above them
     absent: int  # nodes of which nothing has arrived
 
 
 def stand_ins(ids: Ids, scene: Scene, ready: Callable[[Ids], NDArray[np.bool_]]) -> StandIns:
-    """For sorted drawable `ids`: themselves where they are ready, else the next coarser level of their node that is,
-    else the next finer one, else nothing.
+    """For sorted drawable `ids`: themselves where they are ready, else what is ready and nearest to them in detail.
 
+    That is the next coarser level of their node, else the finest one of the nearest node above it, else the next finer
+    level of their own, else nothing. A node above also covers neighbours that are drawn themselves: for the moment that
+    it takes, both are seen.
     ready: says for drawable ids (n,) which can be drawn now (n,).
     """
     there = ready(ids)
@@ -32,13 +34,26 @@ def stand_ins(ids: Ids, scene: Scene, ready: Callable[[Ids], NDArray[np.bool_]])
         return StandIns(ids, 0, 0)
     missing = ids[~there]
     node = scene.node_of[missing]
-    first, last = scene.first_drawable[node], scene.first_drawable[node] + scene.levels[node] - 1
     found = np.full(len(missing), -1, np.int64)
-    most = int(scene.levels[node].max())
-    for offset in [*range(1, most), *range(-1, -most, -1)]:
-        candidate = missing + offset
-        fits = (found < 0) & (candidate >= first) & (candidate <= last)
-        fits[fits] = ready(candidate[fits])
-        found[fits] = candidate[fits]
+
+    def look(nodes: Ids, first: Ids, last: Ids, step: int) -> None:
+        """Takes the first drawable that is ready from `first` to `last` of `nodes`, -1 for none."""
+        candidate = first.copy()
+        while True:
+            fits = (found < 0) & (nodes >= 0) & (candidate * step <= last * step)
+            if not fits.any():
+                return
+            which = np.flatnonzero(fits)
+            good = which[ready(candidate[which])]
+            found[good] = candidate[good]
+            candidate += step
+
+    look(node, missing + 1, scene.first_drawable[node] + scene.levels[node] - 1, 1)
+    above = scene.parent[node]
+    while ((above >= 0) & (found < 0)).any():
+        first = scene.first_drawable[above]
+        look(above, first, first + scene.levels[above] - 1, 1)
+        above = np.where(above >= 0, scene.parent[above], -1)
+    look(node, missing - 1, scene.first_drawable[node], -1)
     usable = found[found >= 0]
     return StandIns(np.union1d(ids[there], usable), len(usable), len(missing) - len(usable))

@@ -18,6 +18,7 @@ from player.occupancy import cheapest_ways, clearance, enclosure, free_run, mark
 from player.path import CameraPath
 from player.scene import Scene
 from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
+from storage.detail import cut_within
 
 #: Voxels in the grid.
 _VOXELS = 2_000_000
@@ -116,14 +117,9 @@ def _coarser(voxels: Voxels, factor: int) -> Voxels:
 
 
 def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
-    """The coarsest level of each node with at most `error`, else the finest: ids in the order of their packs."""
+    """What stands for the model with at most `error`: ids in the order of their packs."""
     store = scene.store
-    chosen = scene.first_drawable.copy()
-    for level in range(1, int(scene.levels.max(initial=1))):
-        having = np.flatnonzero(scene.levels > level)
-        candidates = scene.first_drawable[having] + level
-        good = store.drawables["error"][candidates] <= error
-        chosen[having[good]] = candidates[good]
+    chosen = cut_within(store.nodes, store.drawables, error)
     packs = store.geometry["pack"][store.drawables["geometry"][chosen]]
     return chosen[np.lexsort((chosen, packs))]
 

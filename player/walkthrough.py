@@ -22,13 +22,16 @@ from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
 from player.view import Vector, View, looking
+from storage.detail import cut_within
 
 StrategyName = Literal["vlod", "frustum", "none"]
 
 STRATEGIES: tuple[StrategyName, ...] = ("vlod", "frustum", "none")
 
-#: The part of the cache that the coarsest levels of all nodes may take, so that there is always something to draw.
+#: The part of the cache that a coarse picture of the whole model may take, so that there is always something to draw.
 _BASE_SHARE = 0.25
+#: Its error begins at the model's extent, and is halved at most so often.
+_BASE_STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -55,8 +58,8 @@ class FrameStatistics:
     drawables: int
     triangles: int
     draw_calls: int
-    replaced: int  # nodes drawn at another level than chosen, because that had not arrived
-    absent: int  # nodes not drawn, because nothing of them had arrived
+    replaced: int  # nodes drawn at another level or by one above them, because the chosen level had not arrived
+    absent: int  # nodes not drawn, because nothing of them or above them had arrived
     bytes_fetched: int  # from the store since it was opened
     cache_bytes: int  # vertices and indices on the GPU
     strategy_ms: float  # choosing the drawables
@@ -180,7 +183,14 @@ class Walkthrough:
             self.packs.settle()
 
     def _load_base(self) -> None:
-        coarsest = self.scene.first_drawable + self.scene.levels - 1
-        packs = np.unique(self._pack_of[coarsest])
-        if self.packs.bytes_of(packs) <= _BASE_SHARE * self.settings.cache_bytes:
-            self.packs.keep(packs)
+        """Keeps the finest picture of the whole model that takes no more than its share of the cache."""
+        store, error = self.scene.store, self.scene.extent
+        kept: NDArray[np.int64] | None = None
+        for _ in range(_BASE_STEPS):
+            cut = cut_within(store.nodes, store.drawables, error)
+            packs = np.unique(self._pack_of[cut])
+            if self.packs.bytes_of(packs) > _BASE_SHARE * self.settings.cache_bytes:
+                break
+            kept, error = packs, error / 2
+        if kept is not None:
+            self.packs.keep(kept)

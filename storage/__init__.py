@@ -3,7 +3,8 @@
 Read in this order:
     tables      what is stored about a model, as numpy structured dtypes
     octree      keys of view cells, neighbours, point location
-    detail      which level of detail is fine enough for a cell
+    tree        walking the hierarchy of nodes
+    detail      which nodes stand for the model, and at which level
     store       opening a store and reading from it
     writer      writing one
     manifest    versions, and what makes a directory a store

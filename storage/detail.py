@@ -1,6 +1,6 @@
-"""Which level of each node is fine enough for a view cell.
+"""Which nodes stand for the model as seen from a view cell, and at which level.
 
-The builder, `Store.cut` and the player all call `choose_levels`, so that they agree to the last bit.
+The builder, `Store.cut` and the player all call `choose_cut`, so that they agree to the last bit.
 
 Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
 section 4 (the error of a level is seen from the nearest point of the cell).
@@ -9,11 +9,13 @@ section 4 (the error of a level is seen from the nearest point of the cell).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from storage.errors import ParameterError
+from storage.tree import children, roots
 
 
 def pixel_angle(screen_height: float, field_of_view_degrees: float, aspect: float = 16 / 9) -> float:
@@ -45,34 +47,70 @@ def box_distance(lo: ArrayLike, hi: ArrayLike, other_lo: ArrayLike, other_hi: Ar
     return np.sqrt((x * x + y * y) + z * z)
 
 
-def choose_levels(
+#: Says of nodes, by their indices (k,) int64, which are wanted (k,) bool: the others are left out with all below them.
+Wanted = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+
+
+def choose_cut(
     nodes: np.ndarray,
     drawables: np.ndarray,
     lo: ArrayLike,
     hi: ArrayLike,
     pixel_angle: float,
     pixel_error: float,
+    wanted: Wanted | None = None,
 ) -> NDArray[np.int64]:
-    """The drawables that stand for `nodes` as seen from the box lo, hi (3,): one per node, sorted ids (n,) int64.
+    """The drawables that stand for the whole model as seen from the box lo, hi (3,): sorted ids (n,) int64.
 
-    nodes: NODE array, all or some of a store's; drawables: the store's whole DRAWABLE array; lo, hi: in model units;
-    pixel_angle: see `pixel_angle`; pixel_error: allowed error in pixels.
-    Takes the coarsest level of each node with error <= pixel_error * pixel_angle * (r - error), where r is the distance
-    between the two boxes: then what is drawn lies within that many pixels of where it belongs, from everywhere in the
-    box. Takes the finest where no level is that good. Float64, the same bits on every machine.
+    nodes, drawables: a store's NODE and DRAWABLE arrays; lo, hi: in model units; pixel_angle: see `pixel_angle`;
+    pixel_error: allowed error in pixels.
+    From the root down, a node that has a level with error <= pixel_error * pixel_angle * (r - error) stands for all
+    below it, at the coarsest such level; r is the distance between the two boxes: then what is drawn lies within that
+    many pixels of where it belongs, from everywhere in the box. Leaves that have no level that good stand for
+    themselves at their finest. Float64, the same bits on every machine. Work and memory follow the result's size.
+
+    Based on: C. Erikson, D. Manocha, W. V. Baxter, HLODs for Faster Display of Large Static and Dynamic Environments,
+    I3D 2001; W. V. Baxter et al., GigaWalk, UNC TR02-013, 2002, section 5.1.2.
     """
-    first = nodes["first_drawable"].astype(np.int64)
-    levels = nodes["levels"].astype(np.int64)
-    if not len(first):
-        return first
-    reach = box_distance(lo, hi, nodes["lo"], nodes["hi"])
     allowed = float(pixel_error) * float(pixel_angle)
-    chosen = first.copy()
+
+    def good(rows: np.ndarray) -> Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]:
+        reach = box_distance(lo, hi, rows["lo"], rows["hi"])
+        return lambda having, error: error <= allowed * (reach[having] - error)
+
+    return _cut(nodes, drawables, good, wanted)
+
+
+def cut_within(nodes: np.ndarray, drawables: np.ndarray, error: float) -> NDArray[np.int64]:
+    """The coarsest drawables that stand for the whole model with at most `error`: sorted ids (n,) int64.
+
+    error: in model units. Leaves that have no level that good stand for themselves at their finest.
+    """
+    return _cut(nodes, drawables, lambda _: lambda _, own: own <= error, None)
+
+
+def _cut(
+    nodes: np.ndarray,
+    drawables: np.ndarray,
+    good: Callable[[np.ndarray], Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]],
+    wanted: Wanted | None,
+) -> NDArray[np.int64]:
+    """From the root down: the coarsest level of each node for which good(rows)(indices into rows, errors) holds."""
     errors = drawables["error"]
-    for level in range(1, int(levels.max())):
-        having = np.flatnonzero(levels > level)
-        candidates = first[having] + level
-        error = errors[candidates].astype(np.float64)
-        good = error <= allowed * (reach[having] - error)
-        chosen[having[good]] = candidates[good]
-    return np.sort(chosen)
+    chosen = [np.zeros(0, np.int64)]
+    front = roots(nodes)
+    while len(front):
+        if wanted is not None:
+            front = front[wanted(front)]
+        rows = nodes[front]
+        first, levels = rows["first_drawable"].astype(np.int64), rows["levels"].astype(np.int64)
+        fits = good(rows)
+        best = np.where(rows["end"] == front + 1, first, -1)
+        for level in range(int(levels.max(initial=0))):
+            having = np.flatnonzero(levels > level)
+            candidates = first[having] + level
+            enough = fits(having, errors[candidates].astype(np.float64))
+            best[having[enough]] = candidates[enough]
+        chosen.append(best[best >= 0])
+        front = children(nodes, front[best < 0])
+    return np.sort(np.concatenate(chosen))

@@ -38,7 +38,7 @@ class MeshArrays(NamedTuple):
     triangles: NDArray[np.uint32]  # (m, 3), indices into positions
     normals: NDArray[np.float32]  # (n, 3), unit
     colours: NDArray[np.uint8]  # (n, 4)
-    source_faces: NDArray[np.uint32] | None  # (m,), faces of the imported mesh; None beyond the finest level
+    source_faces: NDArray[np.uint32] | None  # (m, 2), part and face of the model; None for coarser levels
     scale: float  # local units per integer step, a power of two
 
 
@@ -71,8 +71,8 @@ def ordered(mesh: MeshArrays) -> MeshArrays:
         raise ValueError(f"{len(positions)} positions, {len(normals)} normals, {len(colours)} colours")
     if len(triangles) and int(triangles.max()) >= len(positions):
         raise ValueError(f"a triangle names vertex {int(triangles.max())} of {len(positions)}")
-    if mesh.source_faces is not None and len(mesh.source_faces) != len(triangles):
-        raise ValueError(f"{len(mesh.source_faces)} source faces for {len(triangles)} triangles")
+    if mesh.source_faces is not None and mesh.source_faces.shape != (len(triangles), 2):
+        raise ValueError(f"source faces {mesh.source_faces.shape} for {len(triangles)} triangles")
 
     folded = to_octahedral(normals)
     whole = np.concatenate([positions, folded, np.ascontiguousarray(colours).view(np.int32)], axis=1)
@@ -147,19 +147,19 @@ def unpack(data: bytes) -> Pack:
 
 def pack_source_faces(meshes: Sequence[MeshArrays]) -> bytes:
     """The meshes' source faces as one frame; those of meshes without any are 0."""
-    faces = [np.zeros(len(m.triangles), np.uint32) if m.source_faces is None else m.source_faces for m in meshes]
-    steps = np.diff(_joined(faces, np.uint32, 1).astype(np.int64), axis=0, prepend=0)
+    faces = [np.zeros((len(m.triangles), 2), np.uint32) if m.source_faces is None else m.source_faces for m in meshes]
+    steps = np.diff(_joined(faces, np.uint32, 2).astype(np.int64), axis=0, prepend=0)
     return zstandard.ZstdCompressor(LEVEL).compress(zigzag_planes(steps.astype(np.int32), 4).tobytes())
 
 
 def unpack_source_faces(data: bytes) -> NDArray[np.uint32]:
-    """Source faces of all triangles of a pack (m,) uint32, in its order. Raises CorruptStoreError."""
+    """Part and face of all triangles of a pack (m, 2) uint32, in its order. Raises CorruptStoreError."""
     try:
         content = zstandard.ZstdDecompressor().decompress(data)
-        steps = unzigzag_planes(np.frombuffer(content, np.uint8), 1, 4)
+        steps = unzigzag_planes(np.frombuffer(content, np.uint8), 2, 4)
     except (ValueError, zstandard.ZstdError) as error:
         raise CorruptStoreError(f"source faces cannot be decoded: {error}") from error
-    faces = np.cumsum(steps, dtype=np.uint32)
+    faces = np.cumsum(steps, axis=0, dtype=np.uint32)
     faces.flags.writeable = False
     return faces
 

@@ -156,6 +156,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
                 ("unit", f"{model['unit_in_metres']:g} m" if model["unit_in_metres"] else "not known"),
                 ("digest", str(model["digest"])),
                 ("instances", f"{counts['instances']:,}"),
+                ("nodes", f"{counts['nodes']:,}, {counts['leaves']:,} of them leaves"),
                 ("pixel angle", f"{facts['pixel_angle']:.3g} model units per unit of distance"),
             ],
         ),

@@ -20,7 +20,7 @@ from storage.errors import CorruptStoreError, StoreFormatError
 from storage.frames import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
-FORMAT = 1
+FORMAT = 2
 
 FILE = "manifest.json"
 
@@ -94,11 +94,23 @@ def from_bytes(data: bytes, place: str) -> Manifest:
     if found != _checksum(content) or _with_checksum(content) != data:
         raise CorruptStoreError(f"{damaged}: it does not match its checksum; commit it again or rebuild the store")
     if number != FORMAT:
-        raise StoreFormatError(f"{place} is of format {number}, this vLOD reads format {FORMAT}; rebuild the store")
+        raise StoreFormatError(
+            f"{place} is of format {number}, this vLOD reads format {FORMAT}; rebuild the "
+            "store, in another place or after it is removed"
+        )
     try:
         return Manifest(**content)
     except (TypeError, ValueError) as error:
         raise CorruptStoreError(f"{damaged}: {error}; rebuild the store") from error
+
+
+def current(root: Path) -> Manifest | None:
+    """The current manifest of the store at `root`; None where there is none yet.
+
+    Raises CorruptStoreError if it is damaged, StoreFormatError if another version of vLOD wrote it.
+    """
+    path = root / FILE
+    return from_bytes(path.read_bytes(), str(path)) if path.is_file() else None
 
 
 def commit(root: Path, manifest: Manifest) -> int:
@@ -114,15 +126,13 @@ def commit(root: Path, manifest: Manifest) -> int:
         if size != shard.bytes:
             state = "is missing" if size is None else f"has {size} bytes, not {shard.bytes}"
             raise CorruptStoreError(f"{path} ({purpose}) {state}; run the build again")
-    current = root / FILE
     version = 1
-    if current.is_file():
-        former = from_bytes(current.read_bytes(), str(current))
+    if (former := current(root)) is not None:
         if replace(manifest, version=former.version) == former:
             return former.version
         version = former.version + 1
     data = to_bytes(replace(manifest, version=version))
-    for path in (root / version_path(version), current):
+    for path in (root / version_path(version), root / FILE):
         with atomic_file(path) as file:
             file.write(data)
     return version

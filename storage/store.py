@@ -26,7 +26,7 @@ from storage.cache import ByteCache
 from storage.codecs import codec_named
 from storage.columns import unpack_names, unpack_table
 from storage.deltas import Delta, Ids, odd_ones
-from storage.detail import choose_levels
+from storage.detail import choose_cut
 from storage.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
 from storage.files import Files
 from storage.frames import Kind, ShardReader, ShardRecord, shard_path
@@ -40,6 +40,7 @@ from storage.tables import (
     DRAWABLE,
     GEOMETRY,
     INSTANCE,
+    NO_PART,
     NODE,
     PACK,
     PART,
@@ -215,24 +216,32 @@ class Geometry:
         turned = np.repeat(mirrored[which], rows["triangles"])
         corners[turned] = corners[turned][:, [0, 2, 1]]
 
-    def source_faces(self, drawable: int) -> tuple[int, NDArray[np.uint32]]:
-        """For a finest level: the part that it belongs to, and for each of its triangles (m,) the face of that part.
+    def source_faces(self, drawable: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """For the finest level of a leaf: of each of its triangles the part (m,) and the face of that part (m,).
 
-        Raises ParameterError for a coarser level.
+        Raises ParameterError for what is coarser.
         """
         row = self.drawables[drawable]
+        node = self.nodes[int(row["node"])]
         geometry = self.geometry[int(row["geometry"])]
-        number = int(geometry["pack"])
-        pack_row = self.packs[number]
-        if row["level"] != 0 or pack_row["source_frame"] < 0:
+        pack_row = self.packs[int(geometry["pack"])]
+        if row["level"] != 0 or node["end"] != row["node"] + 1 or pack_row["source_frame"] < 0:
             raise ParameterError(
-                f"drawable {drawable} is of level {row['level']}: only finest levels have source faces"
+                f"drawable {drawable} is simplified: only the finest levels of leaves have source faces"
             )
         shard = self._geometry_shards[int(pack_row["shard"])]
-        faces = unpack_source_faces(shard.frame(int(pack_row["source_frame"]), Kind.SOURCE_FACES))
+        pairs = unpack_source_faces(shard.frame(int(pack_row["source_frame"]), Kind.SOURCE_FACES))
         start = int(geometry["triangle_start"])
-        part = int(self.nodes[int(row["node"])]["part"])
-        return part, faces[start : start + int(geometry["triangles"])]
+        parts, faces = pairs[start : start + int(geometry["triangles"])].T
+        return (parts if node["part"] == NO_PART else np.full_like(parts, node["part"])), faces
+
+    def names_of(self, node: int) -> list[str]:
+        """The names of the parts that a node stands for, in the order of their first triangles; few of an inner one."""
+        leaf = node
+        while self.nodes["end"][leaf] != leaf + 1:
+            leaf += 1
+        parts, _ = self.source_faces(int(self.nodes["first_drawable"][leaf]))
+        return [self.part_names[part] for part in dict.fromkeys(parts.tolist())]
 
     def _reader(self, record: ShardRecord) -> ShardReader:
         path = shard_path(record.name)
@@ -344,7 +353,7 @@ class Store(Geometry):
         """The whole model at the cell's detail, visible or not: drawable ids (n,) int64, strictly increasing."""
         row = self.cells[cell]
         angle, error = self.manifest.pixel_angle, float(row["pixel_error"])
-        return choose_levels(self.nodes, self.drawables, row["lo"], row["hi"], angle, error)
+        return choose_cut(self.nodes, self.drawables, row["lo"], row["hi"], angle, error)
 
     @property
     def boundary_count(self) -> int:

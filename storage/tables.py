@@ -46,15 +46,21 @@ PACK = np.dtype(
 )
 
 #: A node of the hierarchy with its levels: drawables first_drawable ... first_drawable + levels - 1, finest first.
+#: Nodes are in preorder: the nodes below node i are i + 1 ... end - 1, its first child is i + 1, the next sibling of
+#: a node is its `end`. A node stands for the same surface as its children together, and its box holds theirs.
 NODE = np.dtype(
     [
+        ("end", "<u4"),  # first node after all below this one; a leaf's own index + 1
         ("first_drawable", "<u4"),
         ("levels", "<u4"),
-        ("part", "<u4"),  # index into PART of the part that the object belongs to
+        ("part", "<u4"),  # index into PART of the part that the node is of; NO_PART where it is of several
         ("lo", "<f4", (3,)),  # box around all levels and the surface they stand for
         ("hi", "<f4", (3,)),
     ]
 )
+
+#: In place of a node's part: its triangles come from more than one, or it is an inner node.
+NO_PART = 0xFFFFFFFF
 
 #: One (node, level): the unit of visibility, storage and drawing.
 DRAWABLE = np.dtype(

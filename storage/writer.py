@@ -31,7 +31,7 @@ from storage.geometry import MeshArrays, ordered, pack, pack_source_faces
 from storage.manifest import Manifest, commit
 from storage.octree import LeafSet, Octree
 from storage.spanning_tree import spanning_forest
-from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
+from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
 
 __all__ = [
     "GeometryShardRecord",
@@ -62,25 +62,25 @@ class GeometryShardRecord(NamedTuple):
     packs: np.ndarray  # PACK; `shard` is 0
 
 
-def write_geometry_shard(root: Path, pieces: Iterable[Sequence[MeshArrays]]) -> GeometryShardRecord:
-    """Writes the meshes of pieces into one shard of the store at `root`.
+def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshArrays]]]) -> GeometryShardRecord:
+    """Writes the meshes of nodes into one shard of the store at `root`.
 
-    pieces: for each piece its levels, finest first, as `MeshArrays` (or tuples of its fields).
-    Holds a few packs in memory, never the shard. Level i of a piece shares packs with level i of the pieces before and
-    after it, so that what is drawn together is fetched together: pass pieces in spatial order.
+    pieces: for each node its height (0: a leaf) and its levels, finest first, as `MeshArrays` (or tuples of fields).
+    Holds a few packs in memory, never the shard. Level i of a node shares packs with level i of the nodes of the same
+    height before and after it, so that what is drawn together is fetched together: pass nodes in spatial order.
     The order of a mesh's triangles and vertices is changed (see storage.mesh_order), its source faces move along, and
     vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together.
     """
     rows: list[tuple[int, int, int, int, int, float]] = []
     packs: list[tuple[int, int, int, int, int]] = []
-    open_packs: dict[int, list[tuple[int, MeshArrays]]] = {}
-    open_bytes: dict[int, int] = {}
+    open_packs: dict[tuple[int, int], list[tuple[int, MeshArrays]]] = {}
+    open_bytes: dict[tuple[int, int], int] = {}
 
     with ShardWriter(root) as shard:
 
-        def close(level: int) -> None:
-            members = open_packs.pop(level)
-            open_bytes.pop(level)
+        def close(kind: tuple[int, int]) -> None:
+            members = open_packs.pop(kind)
+            open_bytes.pop(kind)
             meshes = [mesh for _, mesh in members]
             frame = shard.add(Kind.GEOMETRY, pack(meshes))
             source_frame = -1
@@ -94,17 +94,18 @@ def write_geometry_shard(root: Path, pieces: Iterable[Sequence[MeshArrays]]) -> 
                 triangle_start += triangles
             packs.append((0, frame, source_frame, vertex_start, triangle_start))
 
-        for piece in pieces:
-            for level, given in enumerate(piece):
+        for height, levels in pieces:
+            for level, given in enumerate(levels):
+                kind = (height, level)
                 mesh = ordered(MeshArrays(*given))
-                open_packs.setdefault(level, []).append((len(rows), mesh))
+                open_packs.setdefault(kind, []).append((len(rows), mesh))
                 rows.append((0, 0, 0, 0, 0, 0.0))
-                size = open_bytes.get(level, 0) + 20 * len(mesh.positions) + 12 * len(mesh.triangles)
-                open_bytes[level] = size
+                size = open_bytes.get(kind, 0) + 20 * len(mesh.positions) + 12 * len(mesh.triangles)
+                open_bytes[kind] = size
                 if size >= PACK_BYTES:
-                    close(level)
-        for level in sorted(open_packs):
-            close(level)
+                    close(kind)
+        for kind in sorted(open_packs):
+            close(kind)
     return GeometryShardRecord(*shard.record, np.array(rows, GEOMETRY), np.array(packs, PACK))
 
 
@@ -164,9 +165,13 @@ def geometry_section(root: Path, grid_step: float, tables: str, shards: Sequence
         counts[name] = len(table)
         if name == "geometries":
             counts["stored_triangles"] = int(table["triangles"].sum(dtype=np.int64))
+        if name == "nodes":
+            leaf = table["end"] == np.arange(len(table)) + 1
+            counts["leaves"] = int(leaf.sum())
+            finest = table["first_drawable"][leaf]
         if name == "drawables":
             counts["levels"] = int(table["level"].max()) + 1 if len(table) else 0
-            counts["finest_triangles"] = int(table["triangles"][table["level"] == 0].sum(dtype=np.int64))
+            counts["finest_triangles"] = int(table["triangles"][finest].sum(dtype=np.int64))
     return {
         "grid_step": float(grid_step),
         "tables": list(reader.record),
@@ -283,7 +288,7 @@ def _check_tables(
         raise ValueError(f"{len(parts)} parts but {len(part_names)} names")
     references: tuple[tuple[str, NDArray, int], ...] = (
         ("geometry.pack", geometry["pack"], len(packs)),
-        ("node.part", nodes["part"], len(parts)),
+        ("node.part", nodes["part"][nodes["part"] != NO_PART], len(parts)),
         ("drawable.node", drawables["node"], len(nodes)),
         ("drawable.geometry", drawables["geometry"], len(geometry)),
         ("drawable.instance", drawables["instance"], len(instances)),
@@ -291,6 +296,9 @@ def _check_tables(
     for name, indices, limit in references:
         if len(indices) and int(indices.max()) >= limit:
             raise ValueError(f"{name} points at row {int(indices.max())} of {limit}")
+    end = nodes["end"].astype(np.int64)
+    if not _is_preorder(end):
+        raise ValueError("nodes must be in preorder, each node's `end` right behind all below it")
     levels = nodes["levels"].astype(np.int64)
     starts = np.cumsum(levels) - levels
     if (levels < 1).any() or not np.array_equal(starts, nodes["first_drawable"]) or levels.sum() != len(drawables):
@@ -301,3 +309,15 @@ def _check_tables(
         raise ValueError("drawables must be in the order of their nodes, finest level first")
     if not np.array_equal(drawables["triangles"], geometry["triangles"][drawables["geometry"]]):
         raise ValueError("a drawable's number of triangles is not its geometry's")
+
+
+def _is_preorder(end: NDArray[np.int64]) -> bool:
+    """Whether each of the runs i + 1 ... end[i] - 1 lies inside every run that it begins in."""
+    open_ends: list[int] = []
+    for node, last in enumerate(end.tolist()):
+        while open_ends and open_ends[-1] <= node:
+            open_ends.pop()
+        if last <= node or last > (open_ends[-1] if open_ends else len(end)):
+            return False
+        open_ends.append(last)
+    return True

@@ -1,6 +1,8 @@
-"""Detail: every object's chain of levels, each with a certified error.
+"""Detail: every node's levels, each with a certified error.
 
-Read in this order: pieces (the way from meshes to pieces with levels), levels (one piece's chain), simplify with
-collapse_input (one level coarser), closest and hausdorff (the certified error), attributes (normals, colours,
-vertices), normal_cone, and the small displacement (snapping) and borders (what pieces owe their neighbours).
+Read in this order: pieces (meshes to pieces, ready to become leaves), leaf (pieces to a leaf with its levels), inner
+(what children offer to the node above them), node (what a node consists of), offers (what goes from task to task),
+levels (a leaf's chain), collapse (edges are collapsed in the order of their error) and clean (what is left in order),
+closest and hausdorff (the certified error), attributes (normals, colours, vertices), normal_cone, options, and the
+small displacement (snapping) and borders (what a leaf owes its neighbours).
 """

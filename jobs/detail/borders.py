@@ -9,42 +9,28 @@ from storage.kernels import allocating_kernel
 
 
 @allocating_kernel()
-def local_meshes(triangles: np.ndarray, start: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Number the vertices of each group of triangles, (m, 3) int32 in groups start (groups + 1,), from zero.
-
-    Returns the local triangles (m, 3) int32, the vertices that the groups use, one group after the other, int32, and
-    where each group's begin (groups + 1,) int64, in the order of first use. vertices: how many there are in all.
-    """
-    group_of = np.full(vertices, -1, np.int32)
-    number = np.empty(vertices, np.int32)
-    local = np.empty((len(triangles), 3), np.int32)
-    used = np.empty(3 * len(triangles), np.int32)
-    used_start = np.zeros(len(start), np.int64)
-    count = 0
-    for g in range(len(start) - 1):
-        used_start[g] = count
-        for t in range(start[g], start[g + 1]):
-            for e in range(3):
-                v = triangles[t, e]
-                if group_of[v] != g:
-                    group_of[v] = g
-                    number[v] = count - used_start[g]
-                    used[count] = v
-                    count += 1
-                local[t, e] = number[v]
-    used_start[len(start) - 1] = count
-    return local, used[:count].copy(), used_start
-
-
-@allocating_kernel()
 def indices_of(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Where each of `wanted` (k, 3) int32 occurs in the distinct points (n, 3) int32: (k,) int32, all must."""
+    """Where each of `wanted` (k, 3) int32 first occurs in points (n, 3) int32: (k,) int32, all must."""
     n, k = len(points), len(wanted)
     both = np.empty((n + k, 3), np.int32)
     both[:n] = points
     both[n:] = wanted
     ids, first = weld(both, np.zeros(n + k, np.int32))
     return first[ids[n:]]
+
+
+@allocating_kernel()
+def same_places(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Which of points (n, 3) int32 lie where one of `wanted` (k, 3) int32 lies: (n,) bool."""
+    n, k = len(points), len(wanted)
+    both = np.empty((k + n, 3), np.int32)
+    both[:k] = wanted
+    both[k:] = points
+    ids, first = weld(both, np.zeros(k + n, np.int32))
+    there = np.empty(n, np.bool_)
+    for i in range(n):
+        there[i] = first[ids[k + i]] < k
+    return there
 
 
 @allocating_kernel()
@@ -56,7 +42,7 @@ def border_kept(
     coarse_points: np.ndarray,
     coarse_triangles: np.ndarray,
 ) -> bool:
-    """Whether a coarser level has every locked vertex and every border edge of the finest one.
+    """Whether a coarser level has every locked vertex, and every border edge between such, of the finest one.
 
     points (n, 3) int32, triangles (m, 3) int32, twin (3 m,), locked: vertex indices, all of the finest level.
     """
@@ -68,7 +54,9 @@ def border_kept(
     present = np.zeros(n + k, np.bool_)
     for v in range(n, n + k):
         present[ids[v]] = True
+    stays = np.zeros(n, np.bool_)
     for v in locked:
+        stays[v] = True
         if not present[ids[v]]:
             return False
     m = len(coarse_triangles)
@@ -82,7 +70,7 @@ def border_kept(
             slot = (slot + 1) & (size - 1)
         table[slot] = key
     for h in range(3 * len(triangles)):
-        if twin[h] >= 0:
+        if twin[h] >= 0 or not (stays[triangles[h // 3, h % 3]] and stays[triangles[h // 3, (h % 3 + 1) % 3]]):
             continue
         a = np.int64(ids[triangles[h // 3, h % 3]])
         key = (a << 31) | np.int64(ids[triangles[h // 3, (h % 3 + 1) % 3]])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.objects.weld import twins
-from storage.kernels import allocating_kernel
+from storage.kernels import allocating_kernel, kernel
 
 #: A triangle whose squared sine between two edges is below this is a needle: rounding spoils its inside.
 NEEDLE = 1e-10
@@ -36,7 +36,7 @@ class Surface(NamedTuple):
     child: np.ndarray  # (k, 2) int32: the right child (the left one is the next node) and 0; or first triangle, count
 
 
-@allocating_kernel()
+@kernel()
 def closest_on_edges(
     abx: float, aby: float, abz: float, acx: float, acy: float, acz: float, apx: float, apy: float, apz: float
 ) -> tuple[float, float, float]:
@@ -62,7 +62,7 @@ def closest_on_edges(
     return best, best_v, best_w
 
 
-@allocating_kernel()
+@kernel()
 def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Squared distance of a point to triangle k of corners (m, 9) and the weights of its second and third corner.
 
@@ -109,13 +109,13 @@ def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -
     return dx * dx + dy * dy + dz * dz, v, w
 
 
-@allocating_kernel()
+@kernel()
 def distance2(corners: np.ndarray, k: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to triangle k of corners (m, 9)."""
     return closest_weights(corners, k, x, y, z)[0]
 
 
-@allocating_kernel()
+@kernel()
 def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to a node's box."""
     dx = max(box[node, 0] - x, x - box[node, 3], 0.0)
@@ -124,7 +124,7 @@ def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> f
     return dx * dx + dy * dy + dz * dz
 
 
-@allocating_kernel()
+@kernel()
 def closest(
     corners: np.ndarray, box: np.ndarray, child: np.ndarray, stack: np.ndarray, x: float, y: float, z: float, hint: int
 ) -> tuple[int, float]:

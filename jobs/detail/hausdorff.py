@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.detail.closest import SLIM, Surface, closest, distance2
-from storage.kernels import allocating_kernel
+from storage.kernels import allocating_kernel, kernel
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
 MANY_CORNERS = 12
@@ -36,8 +36,10 @@ MAX_STACK = 400
 MAX_DEPTH = 96
 #: Cuts spared where the cut-off part would be thinner than this, in the meshes' units (grid steps).
 THIN = 1e-6
-#: Pieces tried per triangle, on average, before what is left keeps the bound it has.
-EFFORT = 40
+#: Pieces tried per triangle, on average, before the bound need not be as close as was asked for ...
+EFFORT = 10
+#: ... but squared may be this many times as large; and again, as often as it takes.
+LOOSER = 1.5
 
 
 @allocating_kernel()
@@ -55,29 +57,7 @@ def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, n
     return nearest, squared
 
 
-@allocating_kernel()
-def probe(a: Surface, b: Surface) -> float:
-    """The largest distance to `b` of one corner and the centre of each triangle of `a`: a lower bound."""
-    stack = np.empty(128, np.int32)
-    largest2 = 0.0
-    hint = 0
-    for t in range(len(a.triangles)):
-        x, y, z = 0.0, 0.0, 0.0
-        for e in range(4):
-            if e < 3:
-                p = a.triangles[t, e]
-                px, py, pz = a.points[p, 0], a.points[p, 1], a.points[p, 2]
-                x, y, z = x + px / 3.0, y + py / 3.0, z + pz / 3.0
-                if e > 0:
-                    continue
-            else:
-                px, py, pz = x, y, z
-            hint, d2 = closest(b.corners, b.box, b.child, stack, px, py, pz, hint)
-            largest2 = max(largest2, d2)
-    return np.sqrt(largest2)
-
-
-@allocating_kernel()
+@kernel()
 def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
     """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
     worst = 0
@@ -90,7 +70,7 @@ def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> t
     return bound2, worst
 
 
-@allocating_kernel()
+@kernel()
 def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: float) -> float:
     """The largest squared distance of the polygon's n corners to triangle k; infinite as soon as it exceeds enough2."""
     bound2 = 0.0
@@ -101,7 +81,38 @@ def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: f
     return bound2
 
 
-@allocating_kernel()
+@kernel()
+def _around2(polygon: np.ndarray, n: int, corner: int, d2: float) -> float:
+    """The largest squared distance of a polygon's points, if one of its n corners has the squared distance d2.
+
+    No point is farther from a corner than the farthest other corner.
+    """
+    far2 = 0.0
+    for i in range(n):
+        x, y, z = (
+            polygon[i, 0] - polygon[corner, 0],
+            polygon[i, 1] - polygon[corner, 1],
+            polygon[i, 2] - polygon[corner, 2],
+        )
+        far2 = max(far2, x * x + y * y + z * z)
+    return (np.sqrt(d2) + np.sqrt(far2)) ** 2
+
+
+@kernel()
+def _reach2(points: np.ndarray, triangles: np.ndarray, squared: np.ndarray, t: int) -> float:
+    """The largest squared distance of triangle t's points, by those of its corners: squared (n,)."""
+    best = np.inf
+    for e in range(3):
+        i, j, k = triangles[t, e], triangles[t, (e + 1) % 3], triangles[t, (e + 2) % 3]
+        far2 = 0.0
+        for o in (j, k):
+            x, y, z = points[o, 0] - points[i, 0], points[o, 1] - points[i, 1], points[o, 2] - points[i, 2]
+            far2 = max(far2, x * x + y * y + z * z)
+        best = min(best, np.sqrt(squared[i]) + np.sqrt(far2))
+    return best * best
+
+
+@kernel()
 def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
     """The largest squared height above triangle k of the n corners of a polygon that was cut along k's edges.
 
@@ -118,7 +129,7 @@ def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
     return height * height
 
 
-@allocating_kernel()
+@kernel()
 def _cut(
     polygon: np.ndarray,
     n: int,
@@ -168,7 +179,7 @@ def _cut(
     return n_in, n_out
 
 
-@allocating_kernel()
+@kernel()
 def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     """The largest squared distance between two corners, and which corners they are."""
     best, p, q = -1.0, 0, 0
@@ -183,7 +194,7 @@ def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
     return best, p, q
 
 
-@allocating_kernel()
+@kernel()
 def _size2(corners: np.ndarray, k: int) -> float:
     """The squared length of triangle k's longer edge at its first corner."""
     ab = corners[k, 3] * corners[k, 3] + corners[k, 4] * corners[k, 4] + corners[k, 5] * corners[k, 5]
@@ -191,7 +202,7 @@ def _size2(corners: np.ndarray, k: int) -> float:
     return max(ab, ac)
 
 
-@allocating_kernel()
+@kernel()
 def _part_along_edges(
     planes: np.ndarray,
     twin: np.ndarray,
@@ -233,7 +244,7 @@ def _part_along_edges(
     return top, n, face
 
 
-@allocating_kernel()
+@kernel()
 def _halve(
     polygon: np.ndarray,
     n: int,
@@ -268,11 +279,12 @@ def _halve(
 
 @allocating_kernel()
 def directed_bound(
-    a: Surface, nearest: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
+    a: Surface, nearest: np.ndarray, squared: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
 ) -> tuple[float, float]:
     """Bound the largest squared distance of any point of `a` to `b`.
 
-    nearest (n,) int32: a triangle of `b` near each point of `a`. lower2: a known squared distance that the result need
+    nearest (n,) int32: a triangle of `b` near each point of `a`; squared (n,): an upper bound of the point's squared
+    distance to `b`. lower2: a known squared distance that the result need
     not undercut by refining; floor2: the same, without the slack. Returns the bound and the improved lower2.
     """
     corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin
@@ -287,9 +299,16 @@ def directed_bound(
     side, rest, other = np.empty(MAX_CORNERS), np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
     bound2 = 0.0
     enough2 = max(slack2 * lower2, floor2)
-    effort = EFFORT * (len(triangles) + len(b.triangles)) + 1000
+    whole_effort = EFFORT * (len(triangles) + len(b.triangles)) + 1000
+    effort, loosened = whole_effort, 1.0
     last = 0
     for t in range(len(triangles)):
+        # where the error is large compared with the triangle, its size settles it: no point is farther from `b` than a
+        # corner and the way from there
+        reach2 = _reach2(points, triangles, squared, t)
+        if reach2 <= enough2:
+            bound2 = max(bound2, reach2)
+            continue
         # most triangles lie above a single one, and often above the one that the last triangle lay above
         best2 = np.inf
         start = last
@@ -341,6 +360,7 @@ def directed_bound(
                 nearer, d2 = closest(
                     corners, box, child, query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], k
                 )
+                here2 = min(here2, _around2(polygon, n, worst, d2))
                 if d2 > lower2:
                     lower2 = d2
                     enough2 = max(slack2 * lower2, floor2)
@@ -353,7 +373,13 @@ def directed_bound(
                     bound2 = max(bound2, here2)
                     continue
             effort -= 1
-            if effort < 0 or depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
+            if effort < 0:  # less closely, then
+                effort = whole_effort
+                loosened *= LOOSER
+                enough2 = max(slack2 * lower2, floor2) * loosened
+            if depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
+                _, d2 = closest(corners, box, child, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k)
+                here2 = min(here2, _around2(polygon, n, 0, d2))
                 bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
                 continue
             bottom = top
@@ -388,6 +414,17 @@ def directed_bound(
 
 
 @allocating_kernel()
+def _centres(surface: Surface) -> np.ndarray:
+    """The centre (m, 3) of each triangle."""
+    centres = np.zeros((len(surface.triangles), 3))
+    for t in range(len(centres)):
+        for e in range(3):
+            for c in range(3):
+                centres[t, c] += surface.points[surface.triangles[t, e], c] / 3.0
+    return centres
+
+
+@allocating_kernel()
 def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: float) -> tuple[float, float]:
     """An upper bound of the two-sided Hausdorff distance between two surfaces, and the lower bound that was found.
 
@@ -397,8 +434,11 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     near_a, squared_a = point_distances(a.points, b)
     near_b, squared_b = point_distances(b.points, a)
     lower2 = max(lower * lower, squared_a.max(), squared_b.max())
-    there2, lower2 = directed_bound(a, near_a, b, lower2, floor * floor, slack * slack)
-    back2, lower2 = directed_bound(b, near_b, a, lower2, floor * floor, slack * slack)
+    # of the coarser surface the corners may all lie on the other one: its triangles' centres know better
+    coarse, fine = (a, b) if len(a.triangles) < len(b.triangles) else (b, a)
+    lower2 = max(lower2, point_distances(_centres(coarse), fine)[1].max())
+    there2, lower2 = directed_bound(a, near_a, squared_a, b, lower2, floor * floor, slack * slack)
+    back2, lower2 = directed_bound(b, near_b, squared_b, a, lower2, floor * floor, slack * slack)
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
 
 
@@ -406,5 +446,5 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
     nearest, squared = point_distances(a.points, b)
-    bound2, _ = directed_bound(a, nearest, b, squared.max(), floor * floor, slack * slack)
+    bound2, _ = directed_bound(a, nearest, squared, b, squared.max(), floor * floor, slack * slack)
     return np.sqrt(bound2)

@@ -1,4 +1,4 @@
-"""The chain of coarser levels of one piece, each with its certified error against the finest."""
+"""The chain of coarser levels of one leaf, each with its certified error against the finest."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.borders import border_kept, indices_of
+from jobs.detail.borders import border_kept, same_places
+from jobs.detail.clean import cleaned
 from jobs.detail.closest import Surface, make_surface
-from jobs.detail.hausdorff import hausdorff_bound, probe
-from jobs.detail.simplify import coarser
+from jobs.detail.collapse import begin, collapse, snapshot
+from jobs.detail.hausdorff import hausdorff_bound
 from jobs.objects.components import outward_closed
 from jobs.objects.weld import NON_MANIFOLD, twins
 
+#: Triangles of each level, as a part of those of the one before.
+SHARE = 0.5
 #: A level must have at most this part of the triangles of the one before.
 SHRINK = 0.75
-#: Parts of the triangles to ask for: the later ones where the first leaves a closed object open.
-SHARES = (0.5, 0.6, 0.7)
-#: A level this many times larger than asked for is the last: nothing more can be collapsed.
-STUCK = 1.1
-#: Pieces and levels with fewer triangles than this are not simplified further.
-FEWEST = 16
+#: Nodes and levels with fewer triangles than this are not simplified further.
+FEWEST = 8
 #: Bounds are refined until they are at most this times the distance that is known to be reached.
 SLACK = 1.25
 #: Bounds below this many grid steps are good enough.
 FLOOR_STEPS = 4.0
-#: A level is measured against a coarser one than the finest if that one's error is below this part of the distance ...
+#: A level is measured against a coarser one than the finest if that one's error is below this part of the expected ...
 REFERENCE_SHARE = 0.25
+#: Errors are expected to grow by this factor from level to level, as they do on smooth surfaces.
+EXPECTED_GROWTH = 2.0
 #: ... or below this many grid steps, which is next to nothing.
 REFERENCE_STEPS = 4.0
 #: What rounding may have done to a bound: absolute, in grid steps, and relative.
@@ -48,49 +49,49 @@ class CoarseLevel(NamedTuple):
     """A level below the finest, before normals and colours."""
 
     mesh: Mesh
+    source: np.ndarray  # (m,) int32: triangle that each one was in what it was made from
     surface: Surface
-    held: np.ndarray  # int32: the level's vertices that are the finest one's locked vertices, in their order
-    error: float  # to the piece's original surface, in grid steps
+    held: np.ndarray  # int32: the level's vertices that lie where the finest one has locked vertices
+    error: float  # to the leaf's original surface, in grid steps
+    outward: bool  # closed (with what lies beyond locked borders) and wound outward
 
 
 class Chain(NamedTuple):
-    """A piece's levels below the finest, and the finest one's surface."""
+    """A leaf's levels below the finest, and the finest one's surface."""
 
     finest: Surface
     levels: list[CoarseLevel]
 
 
-def coarser_levels(finest: Mesh, error: float, locked: np.ndarray, split: bool, outward: bool) -> Chain:
-    """Simplify again and again; errors increase strictly from `error`, the finest level's own, in grid steps.
+def coarser_levels(
+    finest: Mesh, colours: np.ndarray, error: float, locked: np.ndarray, outward: bool, most: int
+) -> Chain:
+    """Simplify again and again, at most `most` times; errors increase strictly from `error`, the finest level's own.
 
-    locked: vertices that the piece shares with others of its component. Where it is one of several (`split`), border
-    edges stay in every level. Where its component is closed and wound outward, so is every level (with its neighbours).
+    error: in grid steps; colours (3 m, 4) uint8 of the corners: where they change, edges are kept as borders are;
+    locked: vertices that stay, with the border edges between them; outward: closed (with what lies beyond these) and
+    wound outward.
     """
     extent = finest.points.max(axis=0).astype(np.float64) - finest.points.min(axis=0)
     largest = LARGEST_ERROR * float(np.sqrt((extent * extent).sum()))
     surfaces = [make_surface(finest.points.astype(np.float64), finest.triangles)]
     errors = [error]
     levels: list[CoarseLevel] = []
-    mesh, held = finest, locked
-    stuck = False
-    while len(mesh.triangles) >= FEWEST and not stuck:
-        found = None
-        for share in SHARES if outward else SHARES[:1]:
-            target = int(share * len(mesh.triangles))
-            points, triangles = coarser(mesh.points, mesh.triangles, mesh.twin, held, target, outward)
-            stuck = len(triangles) > STUCK * target
-            if not 0 < len(triangles) <= SHRINK * len(mesh.triangles):
-                break
-            candidate = Mesh(points, triangles, twins(triangles))
-            if _keeps_promises(finest, candidate, locked, split, outward):
-                found = candidate
-                break
-        if found is None:
+    places = finest.points[locked]
+    stays = np.zeros(len(finest.points), np.bool_)
+    stays[locked] = True
+    state = begin(finest.points, finest.triangles, finest.twin, stays, colours)
+    before = len(finest.triangles)
+    while before >= FEWEST and len(levels) < most:
+        collapse(state, int(SHARE * before), np.inf)
+        mesh, source, closed = tidy(*snapshot(state), finest, locked, outward)
+        if not 0 < len(mesh.triangles) <= SHRINK * before:
             break
-        mesh = found
+        if len(locked) and not border_kept(*finest, locked, mesh.points, mesh.triangles):
+            break
+        before = len(mesh.triangles)
         surface = make_surface(mesh.points.astype(np.float64), mesh.triangles)
-        reached = probe(surface, surfaces[0])
-        allowed = max(REFERENCE_SHARE * reached, REFERENCE_STEPS)
+        allowed = max(REFERENCE_SHARE * EXPECTED_GROWTH * errors[-1], REFERENCE_STEPS)
         base = max(i for i in range(len(errors)) if i == 0 or errors[i] <= allowed)
         bound, _ = hausdorff_bound(surface, surfaces[base], 0.0, max(errors[-1] - errors[base], FLOOR_STEPS), SLACK)
         total = (bound + errors[base]) * (1.0 + ROUNDING) + ROUNDING_STEPS
@@ -99,18 +100,28 @@ def coarser_levels(finest: Mesh, error: float, locked: np.ndarray, split: bool, 
             break
         errors.append(total)
         surfaces.append(surface)
-        held = indices_of(mesh.points, finest.points[locked]) if split else locked
-        levels.append(CoarseLevel(mesh, surface, held, total))
+        held = np.flatnonzero(same_places(mesh.points, places)).astype(np.int32)
+        levels.append(CoarseLevel(mesh, source, surface, held, total, closed))
     return Chain(surfaces[0], levels)
 
 
-def _keeps_promises(finest: Mesh, level: Mesh, locked: np.ndarray, split: bool, outward: bool) -> bool:
-    """Whether a level keeps the border to the other pieces and, if the object is closed, leaves it closed."""
-    points, triangles, twin = level
-    if split and not border_kept(finest.points, finest.triangles, finest.twin, locked, points, triangles):
-        return False
-    if not outward:
-        return True
-    if split:  # given that the border's edges are all there, there must be no other unpaired ones
-        return not (twin == NON_MANIFOLD).any() and int((twin < 0).sum()) == int((finest.twin < 0).sum())
-    return bool(outward_closed(points, triangles, twin, np.array([0, len(triangles)]))[0])
+def tidy(
+    points: np.ndarray, triangles: np.ndarray, source: np.ndarray, before: Mesh, locked: np.ndarray, outward: bool
+) -> tuple[Mesh, np.ndarray, bool]:
+    """A simplified mesh without what has no area or is there twice; and whether it is still closed and wound outward.
+
+    source (m,) int32: what the triangles were before; that of those which are left is returned too. before: what it was
+    made from, with the vertices `locked` of it; outward: whether that was closed (with what lies beyond the locked
+    vertices). Where it is not, its triangles are seen from both sides, and one of two that are back to back suffices.
+    """
+    if outward:
+        kept_points, kept, which = cleaned(points, triangles, True)
+        twin = twins(kept)
+        if len(locked):  # given that the border's edges are all there, there must be no other unpaired ones
+            same = int((twin < 0).sum()) == int((before.twin < 0).sum()) and not (twin == NON_MANIFOLD).any()
+        else:
+            same = bool(outward_closed(kept_points, kept, twin, np.array([0, len(kept)]))[0])
+        if same:
+            return Mesh(kept_points, kept, twin), source[which], True
+    kept_points, kept, which = cleaned(points, triangles, False)
+    return Mesh(kept_points, kept, twins(kept)), source[which], False

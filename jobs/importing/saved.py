@@ -207,7 +207,7 @@ def bake(mesh: MeshView, matrix: np.ndarray) -> MeshView:
     mirrored = (row[0] + row[1]) + row[2] < 0
     return MeshView(
         transform_points(matrix, mesh.positions),
-        _turned(mesh.normals, -cofactor if mirrored else cofactor),
+        turned(mesh.normals, -cofactor if mirrored else cofactor),
         mesh.colours,
         np.ascontiguousarray(mesh.triangles[:, ::-1]) if mirrored else mesh.triangles,
         mesh.source_faces,
@@ -228,7 +228,8 @@ def cofactors(matrix: np.ndarray) -> np.ndarray:
     )
 
 
-def _turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
+def turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
+    """Normals (n, 3) under a (3, 3) matrix, float32, scaled to unit length; zeros stay zeros."""
     scale = float(np.abs(linear).max())
     turned = transform_points(np.column_stack([linear / scale, np.zeros(3)]), normals)
     length = np.sqrt((turned[:, 0] ** 2 + turned[:, 1] ** 2) + turned[:, 2] ** 2)

@@ -1,4 +1,5 @@
-"""Culling at run time: the nodes whose boxes touch the view frustum, each at the level that suffices for the eye.
+"""Culling at run time: the hierarchy is walked from its root, past nodes whose boxes the view frustum does not touch,
+down to those of which a level suffices for the eye.
 
 Needs nothing precomputed but the levels: it is also what is drawn where no cell was computed.
 """
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 
 from player.scene import Scene
 from player.strategies.strategy import Choice
-from player.view import Vector, View, boxes_in_frustum
-from storage.detail import box_distance, choose_levels
+from player.view import Boxes, Vector, View, boxes_in_frustum
+from storage.detail import Wanted, box_distance, choose_cut
 
 #: The surroundings are chosen anew when the eye has moved by this part of the model's diagonal.
 _AHEAD_STEP = 0.01
@@ -30,8 +31,12 @@ class Frustum:
     def choose(self, view: View) -> Choice:
         """The drawables in the frustum."""
         cell = int(self._scene.store.cell_at(view.position[None])[0])
-        inside = boxes_in_frustum(view, self._scene.node_boxes)
-        return Choice(self._cut(view.position, inside), cell, computed=False)
+        boxes = self._scene.node_boxes
+
+        def wanted(nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+            return boxes_in_frustum(view, Boxes(boxes.centre[nodes], boxes.half[nodes]))
+
+        return Choice(self._cut(view.position, wanted), cell, computed=False)
 
     def ahead(self, view: View, motion: Vector) -> NDArray[np.int64] | None:
         """The whole surroundings of where the eye will be, the nearest first."""
@@ -40,15 +45,14 @@ class Frustum:
             return None
         self._ahead_from = view.position
         eye = view.position + motion
-        ids = self._cut(eye, np.ones(len(self._scene.levels), np.bool_))
+        ids = self._cut(eye, None)
         distance = box_distance(eye, eye, self._scene.drawable_lo[ids], self._scene.drawable_hi[ids])
         return ids[np.argsort(distance, kind="stable")]
 
     def close(self) -> None:
         """Nothing runs."""
 
-    def _cut(self, eye: Vector, which: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def _cut(self, eye: Vector, wanted: Wanted | None) -> NDArray[np.int64]:
         store = self._scene.store
-        return choose_levels(
-            store.nodes[which], store.drawables, eye, eye, store.manifest.pixel_angle, self.pixel_error
-        )
+        angle = store.manifest.pixel_angle
+        return choose_cut(store.nodes, store.drawables, eye, eye, angle, self.pixel_error, wanted)

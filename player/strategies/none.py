@@ -11,14 +11,14 @@ from player.view import Vector, View
 
 
 class NoCulling:
-    """Draws the finest level of every node, always."""
+    """Draws the finest level of every leaf, always."""
 
     name = "none"
 
     def __init__(self, scene: Scene, *, pixel_error: float) -> None:
         self.pixel_error = pixel_error  # has no effect here
         self._scene = scene
-        self._everything = np.sort(scene.first_drawable)
+        self._everything = scene.first_drawable[scene.leaves]
 
     def choose(self, view: View) -> Choice:
         """The whole model."""

@@ -18,7 +18,8 @@ from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
 from player.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from storage.deltas import apply
-from storage.detail import choose_levels
+from storage.detail import choose_cut
+from storage.tree import overlapping
 
 Ids = NDArray[np.int64]
 
@@ -118,14 +119,14 @@ class Vlod:
         return self._list
 
     def _at_detail(self, cell: int, ids: Ids) -> Ids:
-        """The cell's list, with the levels chosen anew where another error is allowed than the store was built for."""
+        """The cell's list, with the cut chosen anew where another error is allowed than the store was built for."""
         store = self._scene.store
         row = store.cells[cell]
         if self.pixel_error == float(row["pixel_error"]):
             return ids
-        nodes = store.nodes[self._scene.node_of[ids]]
         angle = store.manifest.pixel_angle
-        return choose_levels(nodes, store.drawables, row["lo"], row["hi"], angle, self.pixel_error)
+        cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, self.pixel_error)
+        return cut[overlapping(store.nodes, self._scene.node_of[cut], self._scene.node_of[ids])]
 
     def _set_of(self, cell: int) -> Ids:
         if cell not in self._sets:

@@ -14,7 +14,8 @@ from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.workplace import Workplace
 from storage import open_store
-from storage.errors import ModelError, ParameterError, StoreNotFoundError
+from storage.errors import ModelError, ParameterError, StoreFormatError, StoreNotFoundError
+from storage.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 
 PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3)
@@ -44,7 +45,17 @@ def test_the_report_agrees_with_the_store(built):
     assert report.counts["computed_cells"] == len(store.cells) > 20
     assert report.counts["finest_triangles"] == report.model["triangles"]
     assert report.bytes["total"] == sum(len(content) for content in shards(path).values())
-    assert [stage.name for stage in report.stages] == ["import", "detail", "tables", "cells", "layout", "shards"]
+    assert [stage.name for stage in report.stages] == [
+        "import",
+        "pieces",
+        "hierarchy",
+        "shared",
+        "nodes",
+        "tables",
+        "cells",
+        "layout",
+        "shards",
+    ]
     assert report.tasks_run == sum(stage.run for stage in report.stages) > 6
     assert report.tasks_reused == 0
     assert all(stage.peak_memory >= stage.peak_task_memory * 0.9 > 0 for stage in report.stages)
@@ -79,7 +90,10 @@ def test_boxes_and_errors_hold_what_they_claim(built):
         node = store.nodes[row["node"]]
         assert (node["lo"] <= row["lo"]).all()
         assert (node["hi"] >= row["hi"]).all()
-    for node in store.nodes:
+    for number, node in enumerate(store.nodes):
+        below = store.nodes[number + 1 : node["end"]]
+        assert (node["lo"] <= below["lo"]).all()
+        assert (node["hi"] >= below["hi"]).all()
         levels = store.drawables[node["first_drawable"] : node["first_drawable"] + node["levels"]]
         assert (np.diff(levels["error"]) > 0).all()
 
@@ -111,7 +125,7 @@ def test_other_parameters_repeat_only_what_depends_on_them(model, tmp_path):
     old = open_store(store)
     report = build([model], store, dataclasses.replace(PARAMETERS, max_depth=1), SerialExecutor())
     run = {stage.name: stage.run for stage in report.stages}
-    assert (run["import"], run["detail"], run["tables"]) == (0, 0, 0)
+    assert not any(run[name] for name in ("import", "pieces", "hierarchy", "shared", "nodes", "tables"))
     assert run["cells"] > 0
     assert report.version == 2
     assert open_store(store).cells["depth"].max() == 1
@@ -211,3 +225,16 @@ def test_a_store_cannot_replace_a_file(model, tmp_path):
     with pytest.raises(ParameterError, match="is a file"):
         build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert (tmp_path / "store").read_text() == "something of the user's"
+
+
+def test_a_store_of_another_format_is_told_before_any_work(model, tmp_path):
+    store = tmp_path / "store"
+    build([model], store, PARAMETERS, SerialExecutor())
+    manifest = store / "manifest.json"
+    former = to_bytes(dataclasses.replace(open_store(store).manifest, format=FORMAT - 1))
+    manifest.write_bytes(former)
+    before = shards(store)
+    with pytest.raises(StoreFormatError, match=r"is of format 1, .* in another place or after it is removed"):
+        build([model], store, dataclasses.replace(PARAMETERS, max_depth=1), SerialExecutor())
+    assert shards(store) == before
+    assert manifest.read_bytes() == former

@@ -13,7 +13,7 @@ from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
 from player.view import boxes_between, boxes_in_frustum
-from storage.detail import choose_levels
+from storage.detail import choose_cut
 from storage.store import Store
 from tests.player.conftest import inside_view, view_from
 
@@ -76,7 +76,8 @@ def test_frustum_is_the_cut_for_the_eye(room: Store) -> None:
     view = inside_view()
     inside = boxes_in_frustum(view, boxes_between(room.nodes["lo"], room.nodes["hi"]))
     eye = view.position
-    expected = choose_levels(room.nodes[inside], room.drawables, eye, eye, room.manifest.pixel_angle, 2.0)
+    cut = choose_cut(room.nodes, room.drawables, eye, eye, room.manifest.pixel_angle, 2.0)
+    expected = cut[inside[room.drawables["node"][cut]]]
     assert np.array_equal(Frustum(scene_of(room), pixel_error=2.0).choose(view).drawables, expected)
 
 

@@ -50,6 +50,6 @@ def meshes(draw: st.DrawFn, largest: int = 1 << 23) -> MeshArrays:
         random.integers(0, max(1, count), (faces, 3)).astype(np.uint32),
         normals[random.integers(0, len(normals), count)].astype(np.float32).reshape(-1, 3),
         colours[random.integers(0, 2, count)].astype(np.uint8).reshape(-1, 4),
-        random.integers(0, 2**32, faces, dtype=np.uint32) if draw(st.booleans()) else None,
+        random.integers(0, 2**32, (faces, 2), dtype=np.uint32) if draw(st.booleans()) else None,
         2.0 ** draw(st.integers(-30, 10)),
     )

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.detail import box_distance, choose_levels, pixel_angle
+from storage.detail import choose_cut, cut_within, pixel_angle
 from storage.errors import ParameterError
 from storage.tables import DRAWABLE, NODE
+from storage.tree import parents, roots
 
 
 @given(st.integers(1, 4000), st.floats(5, 160), st.floats(0.3, 4), st.integers(0, 2**32 - 1))
@@ -37,12 +38,20 @@ def test_senseless_screens_are_refused(given: tuple[float, float, float]) -> Non
         pixel_angle(*given)
 
 
-def _tables(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _forest(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes in preorder with boxes around those below them, and drawables whose errors know nothing of the tree."""
     nodes, drawables = np.zeros(count, NODE), []
+    for i in range(count - 1, -1, -1):
+        end = i + 1
+        while end < count and random.random() < 0.6:
+            end = int(nodes["end"][end])
+        below = nodes[i + 1 : end]
+        nodes["end"][i] = end
+        lo = random.uniform(-10, 10, 3)
+        nodes["lo"][i] = np.min([lo, *below["lo"]], axis=0)
+        nodes["hi"][i] = np.max([lo + random.uniform(0, 3, 3), *below["hi"]], axis=0)
     for node in nodes:
         node["first_drawable"], node["levels"] = len(drawables), random.integers(1, 6)
-        node["lo"] = random.uniform(-10, 10, 3)
-        node["hi"] = node["lo"] + random.uniform(0, 3, 3)
         for error in np.sort(random.uniform(0, 0.02, node["levels"])):
             row = np.zeros((), DRAWABLE)
             row["error"] = error
@@ -50,27 +59,48 @@ def _tables(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.nda
     return nodes, np.array(drawables, DRAWABLE)
 
 
-@given(st.integers(0, 12), st.integers(0, 2**32 - 1), st.sampled_from([0.5, 1, 3]))
-def test_the_coarsest_level_that_is_fine_enough_is_taken(count: int, seed: int, pixels: float) -> None:
+def _expected(nodes, drawables, node, fits):
+    """The cut below a node by the definition, one node at a time."""
+    first, levels = int(nodes["first_drawable"][node]), int(nodes["levels"][node])
+    good = [first + level for level in range(levels) if fits(node, float(drawables["error"][first + level]))]
+    if good:
+        return [good[-1]]
+    if nodes["end"][node] == node + 1:
+        return [first]
+    found, child = [], node + 1
+    while child < nodes["end"][node]:
+        found += _expected(nodes, drawables, child, fits)
+        child = int(nodes["end"][child])
+    return found
+
+
+@given(st.integers(0, 30), st.integers(0, 2**32 - 1), st.sampled_from([0.5, 1, 3]))
+def test_the_cut_is_the_coarsest_that_is_fine_enough(count: int, seed: int, pixels: float) -> None:
     random = np.random.default_rng(seed)
-    nodes, drawables = _tables(random, count)
+    nodes, drawables = _forest(random, count)
     lo = random.uniform(-12, 12, 3)
     hi = lo + random.uniform(0, 2, 3)
-    expected = []
-    for node in nodes:
-        gap = np.maximum(np.maximum(node["lo"] - hi, lo - node["hi"]), 0)
-        distance = np.sqrt((gap * gap).sum())
-        best = 0
-        for level in range(node["levels"]):
-            error = float(drawables[node["first_drawable"] + level]["error"])
-            if error <= pixels * 1e-3 * (distance - error):
-                best = level
-        expected.append(node["first_drawable"] + best)
-    assert choose_levels(nodes, drawables, lo, hi, 1e-3, pixels).tolist() == expected
-    some = random.permutation(count)[: count // 2]
-    assert choose_levels(nodes[some], drawables, lo, hi, 1e-3, pixels).tolist() == sorted(expected[i] for i in some)
+
+    def fits(node, error):
+        gap = np.maximum(np.maximum(nodes["lo"][node] - hi, lo - nodes["hi"][node]), 0)
+        return error <= pixels * 1e-3 * (np.sqrt((gap * gap).sum()) - error)
+
+    expected = [d for root in roots(nodes).tolist() for d in _expected(nodes, drawables, root, fits)]
+    assert choose_cut(nodes, drawables, lo, hi, 1e-3, pixels).tolist() == sorted(expected)
+    wide = [d for root in roots(nodes).tolist() for d in _expected(nodes, drawables, root, lambda _, e: e <= 0.004)]
+    assert cut_within(nodes, drawables, 0.004).tolist() == sorted(wide)
 
 
-def test_distance_of_boxes() -> None:
-    lo, hi = [[0, 0, 0], [4, 5, 0], [0.5, 0.5, -3]], [[2, 2, 2], [5, 6, 1], [0.6, 0.6, -2]]
-    assert box_distance([0, 0, 0], [1, 1, 1], lo, hi).tolist() == [0, 5, 2]
+@given(st.integers(1, 30), st.integers(0, 2**32 - 1))
+def test_what_is_not_wanted_is_left_out_with_all_below_it(count: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    nodes, drawables = _forest(random, count)
+    wanted = random.random(count) < 0.7
+    above = parents(nodes)
+    kept = wanted.copy()
+    for node in range(count):
+        kept[node] &= above[node] < 0 or kept[above[node]]
+    everything = choose_cut(nodes, drawables, np.zeros(3), np.zeros(3), 1e-3, 1.0)
+    some = choose_cut(nodes, drawables, np.zeros(3), np.zeros(3), 1e-3, 1.0, lambda ids: wanted[ids])
+    node_of = np.repeat(np.arange(count), nodes["levels"])
+    assert some.tolist() == everything[kept[node_of[everything]]].tolist()

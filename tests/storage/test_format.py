@@ -144,13 +144,13 @@ def test_positions_and_source_faces(store: Store) -> None:
         if row["source_frame"] >= 0:
             kind, payload = shards[row["shard"]][row["source_frame"]]
             assert kind == 4
-            planes = np.frombuffer(zstandard.decompress(payload), np.uint8).reshape(4, -1)
-            zigzag = planes.T.copy().view("<u4").ravel().astype(np.int64)
-            faces = np.cumsum((zigzag >> 1) ^ -(zigzag & 1)).astype(np.uint32)
+            planes = np.frombuffer(zstandard.decompress(payload), np.uint8).reshape(2, 4, -1)
+            zigzag = planes.transpose(2, 0, 1).copy().view("<u4")[:, :, 0].astype(np.int64)
+            faces = np.cumsum((zigzag >> 1) ^ -(zigzag & 1), axis=0).astype(np.uint32)
             assert len(faces) == triangles
             for drawable in np.flatnonzero(store.drawables["level"] == 0).tolist():
                 place = store.geometry[store.drawables[drawable]["geometry"]]
                 if place["pack"] == number:
                     start = int(place["triangle_start"])
-                    expected = faces[start : start + int(place["triangles"])]
+                    expected = faces[start : start + int(place["triangles"]), 1]
                     assert np.array_equal(store.source_faces(drawable)[1], expected)

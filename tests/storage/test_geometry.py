@@ -14,7 +14,7 @@ from tests.storage.tiny_store import box_part
 def _soup(mesh: MeshArrays) -> list[tuple]:
     """What a mesh's triangles look like, whatever their order and their first corners."""
     folded = to_octahedral(mesh.normals)
-    faces = np.zeros(len(mesh.triangles), np.uint32) if mesh.source_faces is None else mesh.source_faces
+    faces = np.zeros((len(mesh.triangles), 2), np.uint32) if mesh.source_faces is None else mesh.source_faces
     rows = []
     for triangle, face in zip(mesh.triangles.tolist(), faces.tolist(), strict=True):
         corners = [
@@ -55,10 +55,11 @@ def test_a_pack_gives_back_the_very_same_arrays(given: list[MeshArrays]) -> None
 def test_source_faces_come_back(given: list[MeshArrays]) -> None:
     bunch = [ordered(mesh) for mesh in given]
     expected = [
-        np.zeros(len(mesh.triangles), np.uint32) if mesh.source_faces is None else mesh.source_faces for mesh in bunch
+        np.zeros((len(mesh.triangles), 2), np.uint32) if mesh.source_faces is None else mesh.source_faces
+        for mesh in bunch
     ]
     found = unpack_source_faces(pack_source_faces(bunch))
-    assert np.array_equal(found, np.concatenate([np.zeros(0, np.uint32), *expected]))
+    assert np.array_equal(found, np.concatenate([np.zeros((0, 2), np.uint32), *expected]))
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -91,7 +92,7 @@ def test_vertices_that_agree_become_one() -> None:
         np.array([[0, 1, 2], [3, 4, 5]], np.uint32),
         np.tile(np.array([0, 0, 1], np.float32), (6, 1)),
         np.full((6, 4), 255, np.uint8),
-        np.array([7, 8], np.uint32),
+        np.array([[0, 7], [0, 8]], np.uint32),
         0.5,
     )
     assert len(ordered(mesh).positions) == 4
@@ -120,8 +121,8 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         ordered(mesh._replace(normals=mesh.normals[:2]))
     with pytest.raises(ValueError, match="names vertex 3 of 3"):
         ordered(mesh._replace(triangles=np.array([[0, 1, 3]], np.uint32)))
-    with pytest.raises(ValueError, match="2 source faces for 1"):
-        ordered(mesh._replace(source_faces=np.zeros(2, np.uint32)))
+    with pytest.raises(ValueError, match=r"source faces \(2, 2\) for 1"):
+        ordered(mesh._replace(source_faces=np.zeros((2, 2), np.uint32)))
     unordered = mesh._replace(
         positions=np.arange(9, dtype=np.int32).reshape(3, 3), triangles=np.array([[2, 1, 0]], np.uint32)
     )

@@ -107,8 +107,10 @@ def test_source_faces_are_the_triangles_themselves(store: Store) -> None:
     """The tiny store's parts number their faces as given: compares each stored triangle with the part's own."""
     parts = {part.name: part for part in room_parts()}
     for drawable in np.flatnonzero(store.drawables["level"] == 0).tolist():
-        number, faces = store.source_faces(drawable)
-        part = parts[store.part_names[number]]
+        owners, faces = store.source_faces(drawable)
+        assert (owners == owners[0]).all()
+        part = parts[store.part_names[owners[0]]]
+        assert store.names_of(int(store.drawables["node"][drawable])) == [part.name]
         local = store.local_mesh(int(store.drawables[drawable]["geometry"]))
         positions, triangles = part.levels[0]
         stored = np.sort((local.positions * local.scale)[local.triangles].sum(axis=1), axis=0)
@@ -118,7 +120,7 @@ def test_source_faces_are_the_triangles_themselves(store: Store) -> None:
 
 
 def test_coarser_levels_have_no_source_faces(store: Store) -> None:
-    with pytest.raises(ParameterError, match="only finest levels have source faces"):
+    with pytest.raises(ParameterError, match="only the finest levels of leaves have source faces"):
         store.source_faces(int(np.flatnonzero(store.drawables["level"] == 1)[0]))
 
 

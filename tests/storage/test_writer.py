@@ -33,7 +33,7 @@ def _mesh(seed: int, triangles: int = 50, scale: float = 1.0) -> MeshArrays:
         random.integers(0, vertices, (triangles, 3), dtype=np.uint32),
         normals.astype(np.float32),
         random.integers(0, 256, (vertices, 4), dtype=np.uint8),
-        np.arange(triangles, dtype=np.uint32),
+        random.integers(0, 1000, (triangles, 2), dtype=np.uint32),
         scale,
     )
 
@@ -59,7 +59,7 @@ def test_rows_of_geometry_are_in_the_order_given(tmp_path: Path) -> None:
     pieces = [
         [_mesh(10 * piece + level, 40 >> level, 2.0**-piece) for level in range(piece % 3 + 1)] for piece in range(7)
     ]
-    record = write_geometry_shard(tmp_path, pieces)
+    record = write_geometry_shard(tmp_path, [(0, piece) for piece in pieces])
     flat = [mesh for piece in pieces for mesh in piece]
     assert record.geometry["triangles"].tolist() == [len(mesh.triangles) for mesh in flat]
     assert record.geometry["scale"].tolist() == [mesh.scale for mesh in flat]
@@ -70,12 +70,18 @@ def test_rows_of_geometry_are_in_the_order_given(tmp_path: Path) -> None:
 
 
 def test_plain_tuples_are_meshes_too(tmp_path: Path) -> None:
-    given = [[tuple(_mesh(1))]]
-    assert write_geometry_shard(tmp_path, given).name == write_geometry_shard(tmp_path, [[_mesh(1)]]).name
+    given = [(0, [tuple(_mesh(1))])]
+    assert write_geometry_shard(tmp_path, given).name == write_geometry_shard(tmp_path, [(0, [_mesh(1)])]).name
+
+
+def test_nodes_of_different_heights_share_no_packs(tmp_path: Path) -> None:
+    record = write_geometry_shard(tmp_path, [(height, [_mesh(height)]) for height in (0, 0, 1, 2, 2)])
+    assert sorted(record.packs["triangles"].tolist()) == [50, 100, 100]
+    assert record.geometry["pack"].tolist() == [0, 0, 1, 2, 2]
 
 
 def test_packs_are_closed_when_they_are_large_enough(tmp_path: Path) -> None:
-    record = write_geometry_shard(tmp_path, [[_mesh(seed, 500)] for seed in range(40)])
+    record = write_geometry_shard(tmp_path, [(0, [_mesh(seed, 500)]) for seed in range(40)])
     sizes = 20 * record.packs["vertices"].astype(int) + 12 * record.packs["triangles"].astype(int)
     assert len(sizes) > 2
     assert (sizes[:-1] >= PACK_BYTES).all()
@@ -84,12 +90,12 @@ def test_packs_are_closed_when_they_are_large_enough(tmp_path: Path) -> None:
 
 
 def test_levels_without_source_faces_keep_none(tmp_path: Path) -> None:
-    record = write_geometry_shard(tmp_path, [[_mesh(1), _mesh(2)._replace(source_faces=None)]])
+    record = write_geometry_shard(tmp_path, [(0, [_mesh(1), _mesh(2)._replace(source_faces=None)])])
     assert (record.packs["source_frame"] >= 0).tolist() == [True, False]
 
 
 def test_shards_are_joined(tmp_path: Path) -> None:
-    records = [write_geometry_shard(tmp_path, [[_mesh(seed), _mesh(seed + 50)]]) for seed in range(3)]
+    records = [write_geometry_shard(tmp_path, [(0, [_mesh(seed), _mesh(seed + 50)])]) for seed in range(3)]
     geometry, packs, shards = join_geometry(records)
     assert shards == [record.name for record in records]
     assert packs["shard"].tolist() == [0, 0, 1, 1, 2, 2]
@@ -100,7 +106,7 @@ def test_shards_are_joined(tmp_path: Path) -> None:
 
 def _tables() -> dict[str, Any]:
     nodes, drawables, geometry = np.zeros(1, NODE), np.zeros(2, DRAWABLE), np.zeros(2, GEOMETRY)
-    nodes["levels"] = 2
+    nodes["levels"], nodes["end"] = 2, 1
     drawables["level"] = [0, 1]
     drawables["instance"] = -1
     drawables["geometry"] = [0, 1]
@@ -127,6 +133,8 @@ def _tables() -> dict[str, Any]:
         ("drawables", "level", 0, "finest level first"),
         ("nodes", "levels", 1, "side by side"),
         ("nodes", "first_drawable", 1, "side by side"),
+        ("nodes", "end", 0, "preorder"),
+        ("nodes", "end", 2, "preorder"),
     ],
 )
 def test_tables_that_do_not_fit_are_refused(tmp_path: Path, table: str, field: str, value: int, message: str) -> None:
@@ -209,7 +217,7 @@ def test_a_full_disk_leaves_no_shard(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space left"):
-        write_geometry_shard(tmp_path, [[_mesh(1)]])
+        write_geometry_shard(tmp_path, [(0, [_mesh(1)])])
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 

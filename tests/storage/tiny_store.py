@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.detail import choose_levels, pixel_angle
+from storage.detail import choose_cut, pixel_angle
 from storage.manifest import Manifest, commit
 from storage.octree import Octree, neighbours
 from storage.store import Geometry, Store, open_geometry, open_store
@@ -98,7 +98,7 @@ def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[dict, Octree, 
     lo = np.min([box[0] for boxes in placed for box in boxes], axis=0)
     hi = np.max([box[1] for boxes in placed for box in boxes], axis=0)
     grid = Grid.for_extent(float(np.abs([lo, hi]).max()) * 1.01)
-    record = write_geometry_shard(root, [[*_levels(part, grid)] for part in parts])
+    record = write_geometry_shard(root, [(0, _levels(part, grid)) for part in parts])
     geometry, packs, shards = join_geometry([record])
 
     part_rows, names, instances, nodes, drawables = [], [], [], [], []
@@ -108,6 +108,7 @@ def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[dict, Octree, 
         for placement, matrix in enumerate(matrices):
             node = np.zeros((), NODE)
             node["first_drawable"], node["levels"], node["part"] = len(drawables), len(part.levels), len(part_rows)
+            node["end"] = len(nodes) + 1
             if matrix is not None:
                 instances.append(np.array((matrix,), INSTANCE))
             stretch = 1.0 if matrix is None else float(np.linalg.svd(matrix[:, :3], compute_uv=False).max())
@@ -185,9 +186,7 @@ def make_store(
         if number in uncomputed:
             sets.append(np.zeros(0, np.uint32))
             continue
-        cut = choose_levels(
-            geometry.nodes, geometry.drawables, cell["lo"], cell["hi"], angle, float(cell["pixel_error"])
-        )
+        cut = choose_cut(geometry.nodes, geometry.drawables, cell["lo"], cell["hi"], angle, float(cell["pixel_error"]))
         ids = cut if visible is None else np.asarray(visible(geometry, cell, cut))
         cell["computed"] = True
         cell["cut_drawables"], cell["cut_triangles"] = len(cut), sizes[cut].sum()
@@ -226,7 +225,8 @@ def _levels(part: TinyPart, grid: Grid) -> list[MeshArrays]:
     result = []
     for level, (positions, triangles) in enumerate(part.levels):
         normals = part.normals[level] if part.normals else _vertex_normals(positions, triangles)
-        faces = np.arange(len(triangles), dtype=np.uint32) if level == 0 else None
+        numbers = np.arange(len(triangles), dtype=np.uint32)
+        faces = np.stack([0 * numbers, numbers], axis=1) if level == 0 else None
         colours = np.tile(np.array(part.colour, np.uint8), (len(positions), 1))
         integers = np.rint(np.asarray(positions, float) / scale).astype(np.int32)
         result.append(

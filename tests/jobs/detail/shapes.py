@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from jobs.detail.pieces import DetailOptions, Piece, build_pieces
+from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
+from jobs.detail.node import Level, Node, Offer
+from jobs.detail.options import DetailOptions
+from jobs.detail.pieces import make_pieces
 from jobs.importing.model import Model, open_model
 from jobs.importing.saved import MeshView, Placement, write_model
+from jobs.objects.options import Limits
 
 Shape = tuple[np.ndarray, np.ndarray]
 
@@ -81,20 +85,46 @@ def model_of(folder: Path, *shapes: Shape, placements: list[Placement] | None = 
     return open_model(folder / "model")
 
 
-def pieces_of(model: Model, **options: Any) -> list[Piece]:
-    """All pieces of a model."""
-    return list(build_pieces(model, range(len(model.meshes)), DetailOptions(**options)))
+@dataclass(frozen=True)
+class Built:
+    """A leaf made of one piece, in the piece's own space."""
+
+    mesh: int
+    node: Node
+    offers: list[Offer]
+
+    @property
+    def scale(self) -> float:
+        return self.node.scale
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        return self.node.levels
 
 
-def original(model: Model, piece: Piece) -> Shape:
-    """The float64 triangles that a piece's finest level stands for (source faces must be numbered in order)."""
-    view = model.mesh(piece.mesh)
-    faces = piece.levels[0].source_faces
+def leaves_of(model: Model, crease_angle: float = 40.0, most: int = 10_000) -> list[Built]:
+    """All pieces of a model, of at most that many triangles, each as a leaf by itself."""
+    options = DetailOptions(Limits(triangles=most, most=most), crease_angle)
+    found = make_pieces(model, range(len(model.meshes)), options)
+    leaves = []
+    for number, row in enumerate(found.pieces):
+        scale = float(row["scale"])
+        patch = gather(model, [Member(found, number, 0, None, 1.0, None)], scale, -1)
+        assert patch is not None
+        leaf = make_leaf(patch, scale, float(np.cos(np.deg2rad(crease_angle))), SHARED_LEVELS)
+        leaves.append(Built(int(row["mesh"]), leaf.node, leaf.offers))
+    return leaves
+
+
+def original(model: Model, leaf: Built) -> Shape:
+    """The float64 triangles that a leaf's finest level stands for (source faces must be numbered in order)."""
+    view = model.mesh(leaf.mesh)
+    faces = leaf.levels[0].source_faces
     assert faces is not None
-    rows = np.searchsorted(view.source_faces, faces)
+    rows = np.searchsorted(view.source_faces, faces[:, 1])
     return np.asarray(view.positions), np.asarray(view.triangles)[rows].astype(np.int64)
 
 
-def level_mesh(piece: Piece, level: int) -> Shape:
+def level_mesh(leaf: Built, level: int) -> Shape:
     """A level's float64 positions in local units, and triangles."""
-    return piece.levels[level].positions * piece.scale, piece.levels[level].triangles.astype(np.int64)
+    return leaf.levels[level].positions * leaf.scale, leaf.levels[level].triangles.astype(np.int64)

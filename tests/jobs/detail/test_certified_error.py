@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from jobs.detail.closest import closest, make_surface
 from jobs.detail.hausdorff import hausdorff_bound, one_sided_bound
 from tests.jobs.detail.sampling import distances, measured, sample
-from tests.jobs.detail.shapes import Shape, box, grid, joined, level_mesh, model_of, original, pieces_of, sphere, torus
+from tests.jobs.detail.shapes import Shape, box, grid, joined, leaves_of, level_mesh, model_of, original, sphere, torus
 
 ROUNDING = 1 + 1e-9
 
@@ -66,7 +66,7 @@ SMOOTH = ("sphere", "bumpy sphere", "torus", "open waves")
 def test_measured_error_is_below_the_stored_one(tmp_path: Path, name: str, limit: int) -> None:
     model = model_of(tmp_path, SHAPES[name]())
     rng = np.random.default_rng(1)
-    for piece in pieces_of(model, component_triangle_limit=limit):
+    for piece in leaves_of(model, most=limit):
         errors = [level.error for level in piece.levels]
         assert all(a < b for a, b in pairwise(errors))
         for k, level in enumerate(piece.levels):
@@ -78,7 +78,7 @@ def test_measured_error_is_below_the_stored_one(tmp_path: Path, name: str, limit
 
 def test_chains_are_worth_having(tmp_path: Path) -> None:
     """Each level about half of the one before, down to a few triangles, with errors as small as they can be."""
-    (piece,) = pieces_of(model_of(tmp_path, sphere(28)))
+    (piece,) = leaves_of(model_of(tmp_path, sphere(28)))
     counts = [len(level.triangles) for level in piece.levels]
     assert counts[0] == 12 * 28**2
     assert len(counts) >= 9
@@ -94,7 +94,7 @@ def test_sheets_keep_their_rim(tmp_path: Path) -> None:
     for shape in ((points, triangles), with_back((points, triangles))):
         folder = tmp_path / str(len(shape[1]))
         folder.mkdir()
-        (piece,) = pieces_of(model_of(folder, shape))
+        (piece,) = leaves_of(model_of(folder, shape))
         assert len(piece.levels[-1].triangles) <= len(triangles) / 8
         assert piece.levels[-1].error < 1e-5
 
@@ -144,7 +144,7 @@ def test_faces_that_lose_their_area_are_covered(tmp_path: Path) -> None:
     points = np.concatenate([sheet[0], [[0.0, 1 / 7, 0.5], [0.0, 1 / 7 + 1e-12, 0.0]]])
     triangles = np.concatenate([sheet[1], [[1, tip + 1, tip]]])
     model = model_of(tmp_path, (points, triangles), box((0, 0, -1), (1, 1, -0.5)))
-    sheet_piece = next(p for p in pieces_of(model) if p.mesh == 0)
+    sheet_piece = next(p for p in leaves_of(model) if p.mesh == 0)
     assert len(sheet_piece.levels[0].triangles) == len(sheet[1])
     assert all(0.5 <= level.error <= 0.6 for level in sheet_piece.levels[:1])
 

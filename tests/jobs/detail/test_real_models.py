@@ -1,4 +1,4 @@
-"""Certified errors on real models: see tests/benchmarks/measure_errors.py for the table."""
+"""Certified errors on a real model; tests/benchmarks/measure_errors.py measures the large ones, minutes each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from tests.benchmarks.measure_errors import MODELS, measure
+from tests.benchmarks.measure_errors import measure
 
 pytestmark = [
     pytest.mark.slow,
@@ -14,7 +14,7 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", ["small_willowgarage"])
 def test_measured_errors_of_real_models_are_below_the_stored_ones(name: str) -> None:
     result = measure(name, points=10_000)
     assert result["measured_above_stored"] == 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,8 +11,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jobs.objects.components import components, outward_closed
-from jobs.objects.find import find_objects
-from jobs.objects.split import median_split
+from jobs.objects.find import Pieces, find_pieces
+from jobs.objects.options import Limits
+from jobs.objects.partition import divide, too_much
 from jobs.objects.weld import NON_MANIFOLD, OPEN, degenerate_triangles, is_degenerate, twins, weld
 
 BOX = np.array([[x, y, z] for x in (0, 8) for y in (0, 8) for z in (0, 8)], np.int32)
@@ -87,23 +90,37 @@ def test_outward_closed() -> None:
     assert not closed(both[first].astype(np.int32), ids[triangles])
 
 
-def test_find_objects_keeps_meshes_and_boxes_apart() -> None:
+def pieces(points: np.ndarray, mesh: np.ndarray, triangles: np.ndarray, most: int, size: float = 1e9) -> Pieces:
+    meshes = int(mesh.max()) + 1
+    limits = Limits(triangles=most, most=most, ratio=1e9)
+    return find_pieces(points, mesh, triangles, meshes, limits, np.full(meshes, size))
+
+
+def test_meshes_stay_apart_and_small_ones_whole() -> None:
     count = 50
     points = np.concatenate([BOX + np.int32(100 * i) for i in range(count)] + [BOX])
     mesh = np.repeat(np.arange(count + 1, dtype=np.int32) // count, 8)
     triangles = np.concatenate([BOX_TRIANGLES.astype(np.int64) + 8 * i for i in range(count + 1)])
     shuffled = np.random.default_rng(0).permutation(len(triangles))
-    objects = find_objects(points, mesh, triangles[shuffled], 100)
-    assert np.diff(objects.start).tolist() == [12] * (count + 1)
-    assert objects.outward.all()
-    assert not objects.split.any()
-    assert not objects.cut.any()
-    assert (points[triangles[shuffled][objects.source]] == objects.points[objects.triangles]).all()
-    for p in range(count + 1):
-        assert (np.diff(objects.source[objects.start[p] : objects.start[p + 1]]) > 0).all()
+    found = pieces(points, mesh, triangles[shuffled], 12 * count)
+    assert np.diff(found.start).tolist() == [12 * count, 12]
+    assert found.mesh.tolist() == [0, 1]
+    assert found.outward.all()
+    assert len(found.shared) == 0
+    assert (points[triangles[shuffled][found.source]] == found.points[found.triangles]).all()
 
 
-def test_find_objects_splits_large_ones_along_edges() -> None:
+def test_components_are_not_cut_where_others_can_be_taken_away() -> None:
+    count = 40
+    points = np.concatenate([BOX + np.int32(20 * i) for i in range(count)])
+    triangles = np.concatenate([BOX_TRIANGLES.astype(np.int64) + 8 * i for i in range(count)])
+    found = pieces(points, np.zeros(len(points), np.int32), triangles, 100)
+    assert np.diff(found.start).max() <= 100
+    assert len(found.shared) == 0
+    assert all(len(np.unique(found.component[a:b])) * 12 == b - a for a, b in pairwise(found.start))
+
+
+def test_large_surfaces_are_split_along_edges() -> None:
     n = 40
     x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     points = np.stack([x.ravel() * 3, y.ravel() * 2, 0 * x.ravel()], axis=1).astype(np.int32)
@@ -112,39 +129,47 @@ def test_find_objects_splits_large_ones_along_edges() -> None:
     triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     points = np.concatenate([points, BOX + 1000])
     triangles = np.concatenate([triangles, BOX_TRIANGLES + n * n])
-    objects = find_objects(points, np.zeros(len(points), np.int32), triangles, 500)
-    assert np.diff(objects.start).max() <= 500
-    assert len(objects.start) - 1 == 9
-    assert objects.split.tolist() == [True] * 8 + [False]
-    assert sorted(objects.source.tolist()) == list(range(len(triangles)))
-    uses = np.zeros(len(objects.points), int)
-    for p in range(9):
-        uses[np.unique(objects.triangles[objects.start[p] : objects.start[p + 1]])] += 1
-    assert (objects.cut == (uses > 1)).all()
-    # half-edges pair inside pieces only, and across pieces in the whole component
-    piece = np.repeat(np.arange(9), np.diff(objects.start))
-    paired = np.flatnonzero(objects.twin >= 0)
-    assert (piece[paired // 3] == piece[objects.twin[paired] // 3]).all()
-    crossing = (objects.twin < 0) & (objects.whole_twin >= 0)
-    assert crossing.any()
-    assert objects.cut[objects.triangles.reshape(-1)[crossing]].all()
+    found = pieces(points, np.zeros(len(points), np.int32), triangles, 500)
+    assert np.diff(found.start).max() <= 500
+    assert sorted(found.source.tolist()) == list(range(len(triangles)))
+    lists: dict[int, set[int]] = {}
+    for p in range(len(found.start) - 1):
+        for v in np.unique(found.triangles[found.start[p] : found.start[p + 1]]).tolist():
+            lists.setdefault(v, set()).add(p)
+    expected = {v: sorted(own) for v, own in lists.items() if len(own) > 1}
+    assert found.shared.tolist() == sorted(expected)
+    starts = found.sharing_start
+    for at, v in enumerate(found.shared.tolist()):
+        assert found.sharing[starts[at] : starts[at + 1]].tolist() == expected[v]
+    # half-edges pair across pieces
+    piece = np.repeat(np.arange(len(found.start) - 1), np.diff(found.start))
+    paired = np.flatnonzero(found.twin >= 0)
+    assert (piece[paired // 3] != piece[found.twin[paired] // 3]).any()
 
 
-def test_find_objects_drops_what_has_no_area() -> None:
+def test_what_has_no_area_is_dropped() -> None:
     line = np.array([[0, 0, 0], [5, 5, 5], [9, 9, 9]], np.int32)
     points = np.concatenate([BOX, line + 50, [[4, 4, 8]]]).astype(np.int32)
     spike = [[1, 7, 11]]  # a diagonal of the top face and the middle of it
     triangles = np.concatenate([BOX_TRIANGLES, [[8, 9, 10]], spike]).astype(np.int64)
-    objects = find_objects(points, np.zeros(len(points), np.int32), triangles, 100)
-    assert np.diff(objects.start).tolist() == [12]
-    assert objects.flat_source.tolist() == [13]
-    assert objects.flat_component.tolist() == objects.component.tolist()
+    found = pieces(points, np.zeros(len(points), np.int32), triangles, 100)
+    assert np.diff(found.start).tolist() == [12]
+    assert found.flat_source.tolist() == [13]
+    assert found.flat_component.tolist() == [found.component[0]]
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.integers(1, 40))
-def test_median_split_parts_everything(seed: int, m: int, limit: int) -> None:
-    parts = median_split(np.random.default_rng(seed).integers(0, 9, (m, 3)), limit)
-    assert max(len(p) for p in parts) <= limit
-    assert sorted(np.concatenate(parts).tolist()) == list(range(m))
-    assert all((np.diff(p) > 0).all() for p in parts)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 200), st.integers(16, 60))
+def test_divide_leaves_no_group_that_is_too_much(seed: int, k: int, few: int) -> None:
+    rng = np.random.default_rng(seed)
+    lo = rng.uniform(0, 9, (k, 3)) * [1, 1, rng.integers(0, 2)]
+    hi = lo + rng.uniform(0, 1, (k, 3))
+    weight = rng.integers(1, 30, k)
+    limits = (few, 3.0, 2.5, 4 * few)
+    order, start = divide(lo, hi, weight, limits)
+    assert sorted(order.tolist()) == list(range(k))
+    for first, last in pairwise(start):
+        own = order[first:last]
+        assert (np.diff(own) > 0).all()
+        if len(own) > 1:
+            assert not too_much(int(weight[own].sum()), lo[own].min(axis=0), hi[own].max(axis=0), limits)

@@ -1,0 +1,229 @@
+"""Leaves: a piece, or the pieces of a cluster, with a chain of levels.
+
+    gather(model, members, scale, leaf) -> Patch     the triangles of some pieces, welded, on one grid
+    make_leaf(patch, scale, crease) -> Leaf          its levels, and what it offers its parent
+
+Positions are integers on the grid, finest level included; a level's error bounds its two-sided Hausdorff distance to
+the imported float64 triangles of its pieces: their largest displacement by snapping, plus the certified distance
+between the snapped level and the finest snapped one. Faces that have no area once snapped are left out of the levels,
+but not out of the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jobs.detail.borders import same_places
+from jobs.detail.closest import make_surface
+from jobs.detail.hausdorff import one_sided_bound
+from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
+from jobs.detail.node import Finest, Locks, Node, Offer, dressed, level_of
+from jobs.detail.normal_cone import face_normals
+from jobs.detail.pieces import FLAT_STEPS, ROUNDING, PieceSet
+from jobs.importing.model import Model
+from jobs.importing.saved import cofactors, turned
+from jobs.objects.weld import degenerate_triangles, twins, weld
+from storage.normals import from_octahedral
+from storage.tables import transform_points
+
+#: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
+OFFERED = 1
+#: Levels of a leaf: above that, its parent is as good. A leaf that many placements share has as many as can be.
+MOST_LEVELS = 4
+SHARED_LEVELS = 32
+#: Lock of a vertex that no parent may move.
+ALWAYS = -2
+
+
+class Member(NamedTuple):
+    """A piece as a leaf holds it."""
+
+    set: PieceSet
+    piece: int  # index in the set
+    part: int  # the part that places it; 0 in a leaf that is shared by several
+    matrix: np.ndarray | None  # (3, 4) float64, local to model space; None where the leaf lies in the piece's own space
+    stretch: float  # upper bound of the factor by which the matrix lengthens
+    leaf_of: Callable[[np.ndarray], np.ndarray] | None  # leaves of pieces of the set, as the part places them
+
+
+class Patch(NamedTuple):
+    """Surface from which a leaf is made."""
+
+    mesh: Mesh  # welded inside each part
+    shading: np.ndarray  # (3 m, 3) float32: normals of the corners
+    colours: np.ndarray  # (3 m, 4) uint8: of the corners
+    source_faces: np.ndarray  # (m, 2) uint32: part and face
+    error: float  # what snapping moved, in grid steps
+    outward: bool
+    locks: Locks
+
+
+class Leaf(NamedTuple):
+    """A leaf's levels and its offers, finest first."""
+
+    node: Node
+    offers: list[Offer]
+
+
+def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> Patch | None:
+    """The triangles of a leaf's members on the grid of `scale` units a step; None where all have lost their area."""
+    taken = [_taken(model, member) for member in members]
+    exact = np.concatenate([t.points for t in taken]) / scale
+    snapped = np.rint(exact)
+    away = exact - snapped
+    displacement = float(np.sqrt((away * away).sum(axis=1).max()))
+    group = np.repeat(_ordinals([member.part for member in members]), [len(t.points) for t in taken])
+    ids, first = weld(snapped.astype(np.int32), group)
+    points = snapped[first].astype(np.int32)
+    triangles = ids.reshape(-1, 3)
+    error = max(t.error for t in taken) / scale
+    if any(member.matrix is not None for member in members):
+        error += displacement
+    flat = degenerate_triangles(points, triangles)
+    kept = np.flatnonzero(~flat)
+    if len(kept) == 0:
+        return None
+    if flat.any():
+        error += _flat_error(points, triangles, kept)
+    used, local = np.unique(triangles[kept], return_inverse=True)
+    points, triangles = points[used], local.reshape(-1, 3).astype(np.int32)
+    corners = (3 * kept[:, None] + np.arange(3)).reshape(-1)
+    locks = _joined([_locks(member, scale) for member in members])
+    return Patch(
+        Mesh(points, triangles, twins(triangles)),
+        np.concatenate([t.shading for t in taken])[corners],
+        np.concatenate([t.colours for t in taken])[corners],
+        np.concatenate([t.source_faces for t in taken])[kept],
+        error * (1.0 + ROUNDING),
+        bool(all(member.set.pieces["outward"][member.piece] for member in members)) and not flat.any(),
+        locks.outside(leaf, leaf),
+    )
+
+
+def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
+    """At most `most` levels of a patch, and its offers; crease: cosine of the sharpest angle that is smoothed."""
+    mesh = patch.mesh
+    normals, _ = face_normals(mesh.points, mesh.triangles)
+    finest = level_of(
+        mesh.points, mesh.triangles, normals, patch.shading, patch.colours, patch.source_faces,
+        patch.error * scale, patch.outward,
+    )  # fmt: skip
+    levels = [finest]
+    offers = [Offer(mesh.points, mesh.triangles, patch.colours, patch.error, patch.outward, patch.locks)]
+    if len(mesh.triangles) >= FEWEST:
+        locked = np.flatnonzero(same_places(mesh.points, patch.locks.points)).astype(np.int32)
+        chain = coarser_levels(mesh, patch.colours, patch.error, locked, patch.outward, most - 1)
+        whole = Finest(chain.finest, mesh.points, mesh.triangles, patch.shading, patch.colours)
+        for coarse in chain.levels:
+            level, colours = dressed(coarse, whole, crease, scale)
+            levels.append(level)
+            offers.append(
+                Offer(coarse.mesh.points, coarse.mesh.triangles, colours, coarse.error, coarse.outward, patch.locks)
+            )
+    return Leaf(Node(scale, tuple(levels)), offers[min(OFFERED, len(offers) - 1) :])
+
+
+def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offer:
+    """A shared leaf's offer, in its own space on a grid of `scale`, as the member's part places it on the model's."""
+    assert member.matrix is not None
+    points = np.rint(transform_points(member.matrix, offer.points * np.float64(scale)) / step).astype(np.int32)
+    triangles, colours = offer.triangles, offer.colours
+    if _mirrors(member.matrix):
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+        colours = _reversed(colours)
+    kept = np.flatnonzero(~degenerate_triangles(points, triangles))
+    error = offer.error * scale * member.stretch / step + np.sqrt(3.0) / 2
+    if len(kept) < len(triangles):
+        extent = points.max(axis=0) - points.min(axis=0)
+        error += (
+            float(np.sqrt((extent.astype(np.float64) ** 2).sum()))
+            if len(kept) == 0
+            else _flat_error(points, triangles, kept)
+        )
+        colours = colours.reshape(-1, 3, 4)[kept].reshape(-1, 4)
+        triangles = triangles[kept]
+    return Offer(points, triangles, colours, error * (1.0 + ROUNDING), offer.outward, _locks(member, step))
+
+
+class _Taken(NamedTuple):
+    """A member's corners in the leaf's space."""
+
+    points: np.ndarray  # (3 m, 3) float64
+    shading: np.ndarray  # (3 m, 3) float32
+    colours: np.ndarray  # (3 m, 4) uint8
+    source_faces: np.ndarray  # (m, 2) uint32
+    error: float  # in the leaf's units
+
+
+def _taken(model: Model, member: Member) -> _Taken:
+    piece = member.set.pieces[member.piece]
+    first, count = int(piece["start"]), int(piece["triangles"])
+    mesh = model.meshes[int(piece["mesh"])]
+    face = int(mesh["triangle_start"]) + member.set.faces[first : first + count].astype(np.int64)
+    vertices = (model.triangles[face].astype(np.int64) + int(mesh["vertex_start"])).reshape(-1)
+    points = np.asarray(model.positions[vertices])
+    colours = model.colours[vertices]
+    shading = from_octahedral(member.set.shading[3 * first : 3 * (first + count)].astype(np.int32))
+    source = np.stack([np.full(count, member.part, np.uint32), model.source_faces[face]], axis=1)
+    error = float(piece["error"]) * float(piece["scale"])
+    if member.matrix is not None:
+        cofactor = cofactors(member.matrix)
+        mirrored = _mirrors(member.matrix)
+        points = transform_points(member.matrix, points)
+        shading = turned(shading, -cofactor if mirrored else cofactor)
+        error *= member.stretch
+        if mirrored:
+            points, shading, colours = (
+                a.reshape(count, 3, -1)[:, ::-1].reshape(3 * count, -1) for a in (points, shading, colours)
+            )
+    return _Taken(points, shading, colours, source, error)
+
+
+def _reversed(corners: np.ndarray) -> np.ndarray:
+    """What triangles' corners (3 m, k) carry, the other way round in each."""
+    return corners.reshape(len(corners) // 3, 3, -1)[:, ::-1].reshape(len(corners), -1)
+
+
+def _mirrors(matrix: np.ndarray) -> bool:
+    """Whether a (3, 4) matrix turns fronts into backs."""
+    row = matrix[0, :3] * cofactors(matrix)[0]
+    return bool((row[0] + row[1]) + row[2] < 0)
+
+
+def _flat_error(points: np.ndarray, triangles: np.ndarray, kept: np.ndarray) -> float:
+    """How far triangles that are not kept lie from those that are, at most."""
+    whole = points.astype(np.float64)
+    flat = make_surface(whole, np.ascontiguousarray(np.delete(triangles, kept, axis=0)))
+    rest = make_surface(whole, np.ascontiguousarray(triangles[kept]))
+    return float(one_sided_bound(flat, rest, FLAT_STEPS, SLACK)) + ROUNDING_STEPS
+
+
+def _ordinals(parts: Sequence[int]) -> np.ndarray:
+    """Parts numbered from 0: (n,) int32."""
+    return np.unique(np.asarray(parts), return_inverse=True)[1].astype(np.int32)
+
+
+def _locks(member: Member, scale: float) -> Locks:
+    """The vertices that the member's piece shares with others, on the grid of the space that it is placed in."""
+    pieces = member.set
+    ids = pieces.touching[pieces.touching_start[member.piece] : pieces.touching_start[member.piece + 1]]
+    points = pieces.shared_points[ids]
+    if member.matrix is not None:
+        local = points * np.float64(pieces.pieces["scale"][member.piece])
+        points = np.rint(transform_points(member.matrix, local) / scale).astype(np.int32)
+    if member.leaf_of is None or len(ids) == 0:
+        return Locks(points, np.full(len(ids), ALWAYS), np.full(len(ids), ALWAYS))
+    starts, ends = pieces.sharing_start[ids], pieces.sharing_start[ids + 1]
+    counts = ends - starts
+    begin = np.cumsum(counts) - counts
+    sharing = pieces.sharing[np.repeat(starts - begin, counts) + np.arange(counts.sum())]
+    leaves = member.leaf_of(sharing)
+    return Locks(points, np.minimum.reduceat(leaves, begin), np.maximum.reduceat(leaves, begin))
+
+
+def _joined(locks: Sequence[Locks]) -> Locks:
+    """Several lists as one."""
+    return Locks(*(np.concatenate([getattr(lock, name) for lock in locks]) for name in Locks._fields))

@@ -1,0 +1,80 @@
+"""The hierarchy of a model with all its levels, built in process, without any cells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jobs.executors import SerialExecutor
+from jobs.importing.model import Model
+from jobs.memory import MemoryWatch
+from jobs.parameters import BuildParameters
+from jobs.pipeline import Run, make_geometry
+from jobs.progress import Silent
+from jobs.stages import IMPORT
+from jobs.stages.detail import geometry_section_of
+from jobs.stages.model import imported_model
+from jobs.workplace import Workplace
+from storage.store import Geometry, open_geometry
+from storage.tables import transform_points
+
+Shape = tuple[np.ndarray, np.ndarray]
+
+
+class Built(NamedTuple):
+    """What a build made of a model."""
+
+    model: Model
+    geometry: Geometry
+    run: Run
+
+
+def build_geometry(inputs: list[Path], folder: Path, parameters: BuildParameters | None = None) -> Built:
+    """Builds everything but the cells of a store in `folder`."""
+    place = Workplace(folder / "work", folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with MemoryWatch() as watch:
+        run = Run(place, SerialExecutor(), Silent(), watch)
+        imported, tables = make_geometry(run, inputs, parameters or BuildParameters())
+    geometry = open_geometry(place.store, geometry_section_of(place, tables.key))
+    assert (place.work / IMPORT.name).is_dir()
+    return Built(imported_model(place, imported.key), geometry, run)
+
+
+class Originals:
+    """The float64 triangles of the model that nodes stand for, by the source faces of their leaves."""
+
+    def __init__(self, built: Built) -> None:
+        self._built = built
+        self._kept: dict[int, np.ndarray] = {}
+
+    def of(self, node: int) -> Shape:
+        """Points (3 m, 3) and triangles (m, 3) of all leaves below a node, or of the leaf itself."""
+        nodes = self._built.geometry.nodes
+        end = int(nodes["end"][node])
+        leaves = [i for i in range(node, end) if nodes["end"][i] == i + 1]
+        corners = np.concatenate([self._leaf(leaf) for leaf in leaves])
+        return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+
+    def _leaf(self, leaf: int) -> np.ndarray:
+        """(m, 3, 3) corners of a leaf's triangles."""
+        if leaf not in self._kept:
+            model, geometry = self._built.model, self._built.geometry
+            parts, faces = geometry.source_faces(int(geometry.nodes["first_drawable"][leaf]))
+            found = []
+            for part in np.unique(parts).tolist():
+                row = model.parts[part]
+                view = model.mesh(int(row["mesh"]))
+                rows = np.flatnonzero(np.isin(view.source_faces, faces[parts == part]))
+                points = transform_points(row["matrix"], view.positions[view.triangles[rows].reshape(-1)])
+                found.append(points.reshape(-1, 3, 3))
+            self._kept[leaf] = np.concatenate(found)
+        return self._kept[leaf]
+
+
+def mesh_of(geometry: Geometry, drawable: int) -> Shape:
+    """A drawable's float64 positions in model units, exact, and its triangles."""
+    surfaces = geometry.surfaces(np.array([drawable]))
+    return surfaces.points * np.float64(geometry.grid.step), surfaces.triangles

@@ -1,0 +1,98 @@
+"""The tree over objects, its fragments, and the hierarchy as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jobs.objects.fragments import plan_fragments
+from jobs.objects.hierarchy import MERGED_TRIANGLES, PLACED, build_hierarchy
+from jobs.objects.options import Clustering, ObjectOptions
+from jobs.objects.tree import OBJECT_WEIGHT, build_tree
+
+
+def objects(seed: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    lo = np.round(rng.uniform(0, 10, (count, 3)) * [1, 1, rng.integers(0, 2)], rng.integers(0, 3))
+    return lo, lo + rng.uniform(0, 1, (count, 3)), rng.integers(1, 3000, count)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 80))
+def test_every_object_is_a_leaf_and_boxes_hold_what_is_below(seed: int, count: int) -> None:
+    lo, hi, triangles = objects(seed, count)
+    tree = build_tree(lo, hi, triangles)
+    assert len(tree.end) == 2 * count - 1
+    assert sorted(tree.leaf[tree.leaf >= 0].tolist()) == list(range(count))
+    weight = triangles + OBJECT_WEIGHT
+    for node in range(len(tree.end)):
+        own = tree.leaf[node : tree.end[node]]
+        own = own[own >= 0]
+        assert np.array_equal(tree.lo[node], lo[own].min(axis=0))
+        assert np.array_equal(tree.hi[node], hi[own].max(axis=0))
+        assert tree.end[node] - node == 2 * len(own) - 1
+        if tree.leaf[node] < 0:
+            left = tree.leaf[node + 1 : tree.end[node + 1]]
+            below = weight[left[left >= 0]].sum()
+            assert abs(2 * below - weight[own].sum()) <= 2 * weight[own].max()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 80), st.sampled_from([500, 5000, 100_000]))
+def test_fragments_cover_the_tree(seed: int, count: int, most: int) -> None:
+    tree = build_tree(*objects(seed, count))
+    triangles = np.where(tree.leaf >= 0, 0, 0)
+    triangles[tree.leaf >= 0] = objects(seed, count)[2][tree.leaf[tree.leaf >= 0]]
+    fragments = plan_fragments(tree.end, triangles, most)
+    assert fragments[-1].root == 0
+    done: set[int] = set()
+    nodes: list[int] = []
+    for fragment in fragments:
+        assert set(fragment.stops) <= done
+        todo = [fragment.root]
+        own = []
+        while todo:
+            node = todo.pop()
+            if node != fragment.root and node in fragment.stops:
+                continue
+            own.append(node)
+            if tree.leaf[node] < 0:
+                todo += [node + 1, int(tree.end[node + 1])]
+        assert not done & set(own)
+        nodes += own
+        done.add(fragment.root)
+        if len(own) > 3:
+            assert fragment.triangles <= max(most, 3 * 3000)
+    assert sorted(nodes) == list(range(len(tree.end)))
+
+
+def test_small_instanced_pieces_are_merged_and_large_ones_shared() -> None:
+    placed = np.zeros(40, PLACED)
+    placed["piece"] = np.repeat([0, 1], 20)
+    placed["part"] = np.arange(40)
+    placed["triangles"] = np.repeat([MERGED_TRIANGLES, MERGED_TRIANGLES + 1], 20)
+    placed["instanced"] = True
+    placed["lo"] = np.arange(40)[:, None] * [0.1, 0, 0]
+    placed["hi"] = placed["lo"] + 0.05
+    options = ObjectOptions(clustering=Clustering(volume=1.0))
+    made = build_hierarchy(placed, options, np.zeros(3), np.full(3, 4.0))
+    sizes = np.diff(made.start)
+    assert sorted(made.members.tolist()) == list(range(40))
+    assert made.shared.sum() == 20
+    assert (sizes[made.shared] == 1).all()
+    assert (made.members[made.start[:-1][made.shared]] >= 20).all()
+    assert sizes[~made.shared].tolist() == [20]
+
+
+def test_clusters_that_became_too_much_are_divided() -> None:
+    placed = np.zeros(100, PLACED)
+    placed["triangles"] = 500
+    placed["lo"] = np.arange(100)[:, None] * [0.1, 0, 0]
+    placed["hi"] = placed["lo"] + 0.1
+    made = build_hierarchy(placed, ObjectOptions(clustering=Clustering(volume=1.0)), np.zeros(3), np.full(3, 10.0))
+    assert made.clusters == 1
+    assert (500 * np.diff(made.start) <= 10_000).all()
+    for first, last in zip(made.start[:-1], made.start[1:], strict=True):
+        own = np.sort(made.members[first:last])
+        assert own.tolist() == list(range(own[0], own[0] + len(own)))

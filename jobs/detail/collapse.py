@@ -4,6 +4,7 @@ The error of a collapse is the distance of the new vertex from the planes that i
 of their mean square, by quadrics); or, where that is much larger, the distance of the two old vertices from the
 triangles around the new one, which sees what planes do not: a pipe that loses its end. Vertices stay on the grid, where
 the quadric is least; locked ones stay in place. Nothing connected ever vanishes: one triangle of it stays at least.
+Besides edges, pairs of vertices that nothing joins may be collapsed: so things grow together.
 
 A collapse is a continuous map, so what was closed has no hole afterwards, whatever its topology.
 
@@ -34,6 +35,9 @@ TRUST = 3.0
 #: A triangle may turn by an angle of at most this cosine.
 TURN = 0.2
 
+#: No pairs besides edges.
+NO_PAIRS = np.zeros((0, 2), np.int32)
+
 # Columns of a quadric: the matrix's upper triangle, the vector, the constant, and the weight.
 _XX, _XY, _XZ, _YY, _YZ, _ZZ, _X, _Y, _Z, _ONE, _WEIGHT = range(11)
 
@@ -52,6 +56,9 @@ class State(NamedTuple):
     alive: np.ndarray  # (m,) bool
     first: np.ndarray  # (n,) int32: first corner around each vertex, -1 where there is none
     following: np.ndarray  # (3 m,) int32: the next corner around the same vertex, -1 behind the last
+    pair_first: np.ndarray  # (n,) int32: first end of a pair at each vertex, -1 where there is none
+    pair_following: np.ndarray  # (2 p,) int32: the next end at the same vertex, -1 behind the last
+    pair_vertex: np.ndarray  # (2 p,) int32: the vertex at each end; ends 2 i and 2 i + 1 belong together
     version: np.ndarray  # (n,) int32: changes whenever the vertex does; -1 once it is gone
     mark: np.ndarray  # (n,) int64: scratch
     heap: np.ndarray  # (h,) float64: errors of collapses, a binary heap
@@ -163,13 +170,26 @@ def _place(
     return x, y, z, best
 
 
+@kernel()
+def _apart(p: np.ndarray, u: int, v: int, cost2: float) -> float:
+    """The error of collapsing a pair that no edge joins: half of its length at least, which its middle moves."""
+    x, y, z = p[u, 0] - p[v, 0], p[u, 1] - p[v, 1], p[u, 2] - p[v, 2]
+    return np.sqrt(max(cost2, (x * x + y * y + z * z) / 4.0))
+
+
 @allocating_kernel()
 def begin(
-    points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, locked: np.ndarray, colours: np.ndarray
+    points: np.ndarray,
+    triangles: np.ndarray,
+    twin: np.ndarray,
+    locked: np.ndarray,
+    colours: np.ndarray,
+    pairs: np.ndarray,
 ) -> State:
     """A state for points (n, 3) int32, triangles (m, 3) int32, twin (3 m,) from `twins`, locked (n,) bool.
 
     colours (3 m, 4) uint8 of the corners: edges between triangles of different colours count as borders.
+    pairs (p, 2) int32: vertices that may be joined though no edge does.
     """
     n, m = len(points), len(triangles)
     centre = np.zeros(3, np.int64)
@@ -224,7 +244,16 @@ def begin(
             weight = weights[t] * (SEAM_WEIGHT if seam else RIM_WEIGHT)
             _add_plane(quadrics[a], x, y, z, d, weight)
             _add_plane(quadrics[b], x, y, z, d, weight)
-    capacity = 12 * m + 64
+    pair_first = np.full(n, -1, np.int32)
+    pair_following = np.empty(2 * len(pairs), np.int32)
+    pair_vertex = np.empty(2 * len(pairs), np.int32)
+    for i in range(len(pairs)):
+        for e in range(2):
+            v = pairs[i, e]
+            pair_vertex[2 * i + e] = v
+            pair_following[2 * i + e] = pair_first[v]
+            pair_first[v] = 2 * i + e
+    capacity = 12 * m + 4 * len(pairs) + 64
     state = State(
         centre,
         p,
@@ -234,6 +263,9 @@ def begin(
         np.ones(m, np.bool_),
         first,
         following,
+        pair_first,
+        pair_following,
+        pair_vertex,
         np.zeros(n, np.int32),
         np.zeros(n, np.int64),
         np.empty(capacity),
@@ -252,6 +284,14 @@ def begin(
             state.heap_edge[entries, 0], state.heap_edge[entries, 1] = min(u, v), max(u, v)
             state.heap_edge[entries, 2], state.heap_edge[entries, 3] = 0, 0
             entries += 1
+    for i in range(len(pairs)):
+        u, v = pairs[i, 0], pairs[i, 1]
+        cost2 = _place(p, quadrics, locked, u, v)[3]
+        if cost2 < np.inf:
+            state.heap[entries] = _apart(p, u, v, cost2)
+            state.heap_edge[entries, 0], state.heap_edge[entries, 1] = min(u, v), max(u, v)
+            state.heap_edge[entries, 2], state.heap_edge[entries, 3] = 0, 0
+            entries += 1
     for i in range(entries // 2 - 1, -1, -1):
         _sink(state.heap, state.heap_edge, entries, i)
     state.counts[_HEAP], state.counts[_LEFT] = entries, m
@@ -259,8 +299,10 @@ def begin(
 
 
 @kernel()
-def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: np.ndarray) -> float:
-    """How far u and v lie from what is left around them, at least; infinite where it may not be.
+def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: np.ndarray) -> tuple[float, bool]:
+    """How far u and v lie from what is left around them, at least, and whether no triangle joins them.
+
+    Infinite where it may not be.
 
     A triangle may not turn over, a locked edge may not lose its only triangle, and nothing connected may vanish.
     at (1, 9): scratch.
@@ -270,6 +312,7 @@ def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: 
     still_u = p[u, 0] == x and p[u, 1] == y and p[u, 2] == z
     still_v = p[v, 0] == x and p[v, 1] == y and p[v, 2] == z
     rest = 0
+    apart = True
     beyond_u, beyond_v, bare = np.inf, np.inf, 0.0
     for side in range(2):
         w, other = (u, v) if side == 0 else (v, u)
@@ -282,12 +325,13 @@ def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: 
                 continue
             b, c = state.triangles[t, (e + 1) % 3], state.triangles[t, (e + 2) % 3]
             if other in (b, c):
+                apart = False
                 if side == 0:
                     third = c if b == other else b
                     if state.locked[third] and (state.locked[u] or state.locked[v]):
                         moving = v if state.locked[u] else u
                         if not _other_triangle(state, moving, third, t):
-                            return np.inf
+                            return np.inf, False
                     du, dv, dw = 0.0, 0.0, 0.0
                     for i in range(3):
                         du += (p[u, i] - p[third, i]) ** 2
@@ -310,7 +354,7 @@ def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: 
                 dot = qx * rx + qy * ry + qz * rz
                 qq, rr = qx * qx + qy * qy + qz * qz, rx * rx + ry * ry + rz * rz
                 if dot <= 0.0 or dot * dot < TURN * TURN * qq * rr:
-                    return np.inf
+                    return np.inf, apart
             at[0, 0], at[0, 1], at[0, 2] = x, y, z
             at[0, 3], at[0, 4], at[0, 5] = -nx, -ny, -nz
             at[0, 6], at[0, 7], at[0, 8] = fx - nx, fy - ny, fz - nz
@@ -319,8 +363,8 @@ def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: 
             if not still_v and near_v > 0.0:
                 near_v = min(near_v, distance2(at, 0, p[v, 0], p[v, 1], p[v, 2]))
     if rest == 0:
-        return np.sqrt(max(beyond_u, beyond_v))
-    return np.sqrt(max(0.0 if still_u else near_u, 0.0 if still_v else near_v, bare))
+        return np.sqrt(max(beyond_u, beyond_v)), apart
+    return np.sqrt(max(0.0 if still_u else near_u, 0.0 if still_v else near_v, bare)), apart
 
 
 @kernel()
@@ -381,8 +425,8 @@ def collapse(state: State, target: int, limit: float) -> None:
         if not valid:
             continue
         x, y, z, cost2 = _place(p, quadrics, locked, u, v)
-        away = _true_error(state, u, v, x, y, z, at)
-        error = np.sqrt(cost2)
+        away, apart = _true_error(state, u, v, x, y, z, at)
+        error = _apart(p, u, v, cost2) if apart else np.sqrt(cost2)
         if away > TRUST * error:
             error = away
         if error == np.inf:
@@ -440,6 +484,37 @@ def collapse(state: State, target: int, limit: float) -> None:
                             heap, edge, state.counts[_HEAP], np.sqrt(cost2), low, high, version[low], version[high]
                         )
             corner = state.following[corner]
+        _join_pairs(state, u, v, tick)
+
+
+@kernel()
+def _join_pairs(state: State, u: int, v: int, tick: int) -> None:
+    """Give u the pairs of v, which has become u, and weigh all of them anew; those that edges join now are dropped.
+
+    Neighbours of u are marked with `tick`.
+    """
+    p, following, vertex, version = state.positions, state.pair_following, state.pair_vertex, state.version
+    head = np.int32(-1)
+    for side in range(2):
+        end = state.pair_first[v if side == 0 else u]
+        while end >= 0:
+            after = following[end]
+            vertex[end] = u
+            w = vertex[end ^ 1]
+            if version[w] >= 0 and state.mark[w] != tick:
+                state.mark[w] = tick
+                following[end] = head
+                head = end
+                low, high = min(u, w), max(u, w)
+                cost2 = _place(p, state.quadrics, state.locked, low, high)[3]
+                if cost2 < np.inf and state.counts[_HEAP] < len(state.heap):
+                    cost = _apart(p, low, high, cost2)
+                    state.counts[_HEAP] = _push(
+                        state.heap, state.heap_edge, state.counts[_HEAP], cost, low, high, version[low], version[high]
+                    )
+            end = after
+    state.pair_first[u] = head
+    state.pair_first[v] = -1
 
 
 @kernel()

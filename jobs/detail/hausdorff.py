@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.detail.closest import SLIM, Surface, closest, distance2
+from jobs.detail.cover import covered
 from storage.kernels import allocating_kernel, kernel
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.
@@ -29,6 +30,8 @@ LARGE2 = 30.0
 MANY_WALKS = 6
 #: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
 ABOVE = MANY_WALKS + 1
+#: Of the finer surface's points, one in so many is looked up to begin with.
+SAMPLED = 4
 #: Room for a polygon's corners: a cut adds one at most to each of its parts.
 MAX_CORNERS = 20
 #: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
@@ -278,14 +281,11 @@ def _halve(
 
 
 @allocating_kernel()
-def directed_bound(
-    a: Surface, nearest: np.ndarray, squared: np.ndarray, b: Surface, lower2: float, floor2: float, slack2: float
-) -> tuple[float, float]:
+def directed_bound(a: Surface, b: Surface, lower2: float, floor2: float, slack2: float) -> tuple[float, float]:
     """Bound the largest squared distance of any point of `a` to `b`.
 
-    nearest (n,) int32: a triangle of `b` near each point of `a`; squared (n,): an upper bound of the point's squared
-    distance to `b`. lower2: a known squared distance that the result need
-    not undercut by refining; floor2: the same, without the slack. Returns the bound and the improved lower2.
+    lower2: a known squared distance that the result need not undercut by refining; floor2: the same, without the slack.
+    Returns the bound and the improved lower2.
     """
     corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin
     points, triangles = a.points, a.triangles
@@ -297,25 +297,43 @@ def directed_bound(
     walks = np.empty(MAX_STACK, np.int32)  # triangles tried in vain since the closest one was last looked up
     polygon = np.empty((MAX_CORNERS, 3))
     side, rest, other = np.empty(MAX_CORNERS), np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
+    nearest = np.full(len(points), -1, np.int32)  # the closest triangle of `b`, where it was looked up
+    squared = np.empty(len(points))
+    seen = np.full(len(b.triangles), -1, np.int32)
+    flood = np.empty(len(b.triangles), np.int32)
+    clipped = np.empty((2, 16, 3))
     bound2 = 0.0
     enough2 = max(slack2 * lower2, floor2)
     whole_effort = EFFORT * (len(triangles) + len(b.triangles)) + 1000
     effort, loosened = whole_effort, 1.0
     last = 0
     for t in range(len(triangles)):
+        # most triangles lie above a single one, and often above the one that the last triangle lay above
+        best2 = 0.0
+        for e in range(3):
+            i = triangles[t, e]
+            best2 = max(best2, distance2(corners, last, points[i, 0], points[i, 1], points[i, 2]))
+            if best2 > enough2:
+                break
+        if best2 <= enough2:
+            bound2 = max(bound2, best2)
+            continue
+        for e in range(3):
+            i = triangles[t, e]
+            if nearest[i] < 0:
+                last, squared[i] = closest(corners, box, child, query, points[i, 0], points[i, 1], points[i, 2], last)
+                nearest[i] = last
+                if squared[i] > lower2:
+                    lower2 = squared[i]
+                    enough2 = max(slack2 * lower2, floor2) * loosened
         # where the error is large compared with the triangle, its size settles it: no point is farther from `b` than a
         # corner and the way from there
-        reach2 = _reach2(points, triangles, squared, t)
-        if reach2 <= enough2:
-            bound2 = max(bound2, reach2)
-            continue
-        # most triangles lie above a single one, and often above the one that the last triangle lay above
-        best2 = np.inf
+        best2 = _reach2(points, triangles, squared, t)
         start = last
-        for attempt in range(4):
-            k = last if attempt == 0 else nearest[triangles[t, attempt - 1]]
-            if attempt > 0 and k == last:
-                continue
+        for attempt in range(3):
+            if best2 <= enough2:
+                break
+            k = nearest[triangles[t, attempt]]
             worst2 = 0.0
             for e in range(3):
                 i = triangles[t, e]
@@ -325,9 +343,32 @@ def directed_bound(
             if worst2 < best2:
                 best2 = worst2
                 start = k
-            if best2 <= enough2:
-                break
         last = start
+        if best2 > enough2:
+            i, j, k = triangles[t]
+            x, y, z = (
+                (points[i, 0] + points[j, 0] + points[k, 0]) / 3.0,
+                (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
+                (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
+            )
+            start, d2 = closest(corners, box, child, query, x, y, z, start)
+            if d2 > lower2:
+                lower2 = d2
+                enough2 = max(slack2 * lower2, floor2) * loosened
+            last = start
+            seen[start] = t
+            flood[0] = start
+            count = 1
+            for e in range(3):
+                k = nearest[triangles[t, e]]
+                if seen[k] != t:
+                    seen[k] = t
+                    flood[count] = k
+                    count += 1
+            best = covered(
+                points, triangles[t], b.points, b.triangles, twin, np.sqrt(enough2), seen, t, flood, count, clipped
+            )
+            best2 = best * best
         if best2 <= enough2:
             bound2 = max(bound2, best2)
             continue
@@ -363,7 +404,7 @@ def directed_bound(
                 here2 = min(here2, _around2(polygon, n, worst, d2))
                 if d2 > lower2:
                     lower2 = d2
-                    enough2 = max(slack2 * lower2, floor2)
+                    enough2 = max(slack2 * lower2, floor2) * loosened
                 cut = cut and nearer != k
                 if nearer != k:
                     k = nearer
@@ -431,20 +472,17 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     The result is at most `slack` (> 1) times the true distance or `floor`, whichever is larger, unless the meshes are
     so hard that the effort ran out. `lower` is a distance known to be reached, 0 if none is.
     """
-    near_a, squared_a = point_distances(a.points, b)
-    near_b, squared_b = point_distances(b.points, a)
-    lower2 = max(lower * lower, squared_a.max(), squared_b.max())
-    # of the coarser surface the corners may all lie on the other one: its triangles' centres know better
+    # where the coarser surface's corners and its triangles' centres lie tells how far it is to go
     coarse, fine = (a, b) if len(a.triangles) < len(b.triangles) else (b, a)
-    lower2 = max(lower2, point_distances(_centres(coarse), fine)[1].max())
-    there2, lower2 = directed_bound(a, near_a, squared_a, b, lower2, floor * floor, slack * slack)
-    back2, lower2 = directed_bound(b, near_b, squared_b, a, lower2, floor * floor, slack * slack)
+    lower2 = max(lower * lower, point_distances(_centres(coarse), fine)[1].max())
+    lower2 = max(lower2, point_distances(fine.points[::SAMPLED], coarse)[1].max())
+    there2, lower2 = directed_bound(fine, coarse, lower2, floor * floor, slack * slack)
+    back2, lower2 = directed_bound(coarse, fine, lower2, floor * floor, slack * slack)
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
 
 
 @allocating_kernel()
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
-    nearest, squared = point_distances(a.points, b)
-    bound2, _ = directed_bound(a, nearest, squared, b, squared.max(), floor * floor, slack * slack)
+    bound2, _ = directed_bound(a, b, 0.0, floor * floor, slack * slack)
     return np.sqrt(bound2)

@@ -9,7 +9,7 @@ import numpy as np
 from jobs.detail.borders import border_kept, same_places
 from jobs.detail.clean import cleaned
 from jobs.detail.closest import Surface, make_surface
-from jobs.detail.collapse import begin, collapse, snapshot
+from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
 from jobs.detail.hausdorff import hausdorff_bound
 from jobs.objects.components import outward_closed
 from jobs.objects.weld import NON_MANIFOLD, twins
@@ -80,7 +80,7 @@ def coarser_levels(
     places = finest.points[locked]
     stays = np.zeros(len(finest.points), np.bool_)
     stays[locked] = True
-    state = begin(finest.points, finest.triangles, finest.twin, stays, colours)
+    state = begin(finest.points, finest.triangles, finest.twin, stays, colours, NO_PAIRS)
     before = len(finest.triangles)
     while before >= FEWEST and len(levels) < most:
         collapse(state, int(SHARE * before), np.inf)

@@ -1,4 +1,4 @@
-"""Offers between tasks: what nodes give their parents, as a file."""
+"""Offers between tasks: what nodes give their parents, which of it is worth its place, and all of it as a file."""
 
 from __future__ import annotations
 
@@ -11,6 +11,16 @@ import numpy as np
 from jobs.detail.node import Locks, Offer
 
 _NUMBERS = np.dtype([("points", "<i8"), ("triangles", "<i8"), ("locks", "<i8"), ("error", "<f8"), ("outward", "?")])
+
+
+def affordable(offers: Sequence[Offer], triangles: int, placements: int) -> list[Offer]:
+    """What a leaf that is placed several times offers each of its parents: finest first, as `offers` are.
+
+    What it gives to all of them together has no more triangles than the leaf itself, which is stored once: else what is
+    made from the copies would soon outgrow what they are copies of. The coarsest offer stays in any case.
+    """
+    few = [offer for offer in offers if len(offer.triangles) * placements <= triangles]
+    return few or list(offers[-1:])
 
 
 def save_offers(path: Path, nodes: Sequence[Sequence[Offer]]) -> None:

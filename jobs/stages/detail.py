@@ -29,7 +29,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
     """Levels of instanced pieces that stay shared, the nodes of all their placements, and what these offer."""
     from jobs.assemble import Placement, place_node
     from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
-    from jobs.detail.offers import save_offers
+    from jobs.detail.offers import affordable, save_offers
 
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])
@@ -48,7 +48,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
             if patch is None:
                 continue
             leaf = make_leaf(patch, scale, crease, SHARED_LEVELS)
-            offers[piece] = leaf.offers
+            offers[piece] = affordable(leaf.offers, len(patch.mesh.triangles), len(nodes))
             parts = shapes.placed["part"][shapes.members[shapes.start[shapes.leaf[nodes]]]].tolist()
             placements = [
                 Placement(part, int(instances[part]), model.parts["matrix"][part], float(shapes.stretch[part]))

@@ -1,4 +1,4 @@
-"""Edge collapses and melting: what they promise, on meshes of any topology."""
+"""Collapses of edges and pairs: what they promise, on meshes of any topology."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jobs.detail.clean import cleaned
-from jobs.detail.collapse import begin, collapse, snapshot
-from jobs.detail.inner import joined_on_grid, melt
+from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
+from jobs.detail.near_pairs import near_pairs
 from jobs.objects.components import components
 from jobs.objects.weld import twins, weld
-from tests.jobs.detail.sampling import distances, sample
+from tests.jobs.detail.sampling import sample
 from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, torus
 
 SCALE = 2.0**-16
@@ -31,7 +31,7 @@ def simplified(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     points, triangles = on_grid(shape)
     stays = np.zeros(len(points), np.bool_) if locked is None else locked
-    state = begin(points, triangles, twins(triangles), stays, np.zeros((3 * len(triangles), 4), np.uint8))
+    state = begin(points, triangles, twins(triangles), stays, np.zeros((3 * len(triangles), 4), np.uint8), NO_PAIRS)
     collapse(state, target, limit)
     return *snapshot(state), float(state.error[0])
 
@@ -112,7 +112,7 @@ def test_colours_keep_their_borders() -> None:
     points, triangles = on_grid(grid(21, np.zeros((21, 21))))
     left = points[triangles][:, :, 0].mean(axis=1) < points[:, 0].max() / 2
     colours = np.repeat(np.where(left[:, None], [255, 0, 0, 255], [0, 0, 255, 255]), 3, axis=0).astype(np.uint8)
-    state = begin(points, triangles, twins(triangles), np.zeros(len(points), np.bool_), colours)
+    state = begin(points, triangles, twins(triangles), np.zeros(len(points), np.bool_), colours, NO_PAIRS)
     collapse(state, 4, 0.6)
     new_points, new_triangles, source = snapshot(state)
     assert len(new_triangles) == 4
@@ -128,8 +128,8 @@ def test_the_same_mesh_gives_the_same_result() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(0, 60))
-def test_any_soup_is_survived(seed: int, m: int, target: int) -> None:
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(0, 60), st.booleans())
+def test_any_soup_is_survived(seed: int, m: int, target: int, paired: bool) -> None:
     """Random triangles over few vertices: non-manifold everywhere. Something is left of each connected thing."""
     rng = np.random.default_rng(seed)
     points = np.unique(rng.integers(0, 4, (40, 3)) * 1000, axis=0).astype(np.int32)
@@ -138,29 +138,89 @@ def test_any_soup_is_survived(seed: int, m: int, target: int) -> None:
     if not len(triangles):
         return
     state = begin(
-        points, triangles, twins(triangles), rng.random(len(points)) < 0.2, np.zeros((3 * len(triangles), 4), np.uint8)
-    )
+        points, triangles, twins(triangles), rng.random(len(points)) < 0.2, np.zeros((3 * len(triangles), 4), np.uint8),
+        near_pairs(points, triangles, components(triangles, len(points))[0]) if paired else NO_PAIRS,
+    )  # fmt: skip
     collapse(state, target, np.inf)
     _, new_triangles, source = snapshot(state)
     assert 0 < len(new_triangles) <= len(triangles)
     label, things = components(triangles, len(points))
-    assert len(np.unique(label[source])) == things
+    assert paired or len(np.unique(label[source])) == things
+
+
+def spread_boxes(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return on_grid(
+        joined([box(tuple(lo), tuple(lo + rng.uniform(0.01, 0.5, 3))) for lo in rng.uniform(0, 4, (count, 3))])
+    )
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.sampled_from([0.02, 0.3, 3.0]))
-def test_melting_moves_nothing_farther_than_a_cell(seed: int, count: int, size: float) -> None:
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60))
+def test_pairs_join_different_things_once_each(seed: int, count: int) -> None:
+    points, triangles = spread_boxes(seed, count)
+    label, things = components(triangles, len(points))
+    pairs = near_pairs(points, triangles, label)
+    thing = np.zeros(len(points), np.int32)
+    thing[triangles] = label[:, None]
+    assert (pairs[:, 0] < pairs[:, 1]).all()
+    assert (thing[pairs[:, 0]] != thing[pairs[:, 1]]).all()
+    assert len(np.unique(pairs, axis=0)) == len(pairs) <= 2 * len(points)
+    assert len(np.unique(thing[pairs])) == things  # everything has a neighbour
+
+
+def test_pairs_are_near() -> None:
+    """Boxes in a row, the gaps between them a tenth of their size: pairs bridge the gaps, not the row."""
+    shape = joined([box((1.1 * i, 0, 0), (1.1 * i + 1, 1, 1)) for i in range(40)])
+    points, triangles = on_grid(shape)
+    pairs = near_pairs(points, triangles, components(triangles, len(points))[0])
+    length = np.linalg.norm((points[pairs[:, 0]] - points[pairs[:, 1]]) * SCALE, axis=1)
+    assert np.median(length) < 1.2
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.integers(1, 200))
+def test_pairs_let_things_grow_together(seed: int, count: int, target: int) -> None:
+    """With pairs any target can be met, whatever the number of things; and what is left lies where they were."""
+    points, triangles = spread_boxes(seed, count)
+    pairs = near_pairs(points, triangles, components(triangles, len(points))[0])
+    state = begin(
+        points,
+        triangles,
+        twins(triangles),
+        np.zeros(len(points), np.bool_),
+        np.zeros((3 * len(triangles), 4), np.uint8),
+        pairs,
+    )
+    collapse(state, target, np.inf)
+    new_points, new_triangles, source = snapshot(state)
+    assert 0 < len(new_triangles) <= max(target, count // 2 + 12)
+    assert len(np.unique(source)) == len(source)
     rng = np.random.default_rng(seed)
-    things = [box(tuple(lo), tuple(lo + rng.uniform(0.01, 0.5, 3))) for lo in rng.uniform(0, 4, (count, 3))]
-    points, triangles = on_grid(joined(things))
-    locked = rng.random(len(points)) < 0.1
-    melted, kept = melt(points, triangles, locked, size / SCALE)
-    assert len(melted) > 0
-    assert len(np.unique(kept)) == len(kept)
-    reach = size * 3**0.5 * 1.0001 + 4 * SCALE
-    before = sample(points * SCALE, triangles, 300, rng)
-    after = sample(points * SCALE, melted, 300, rng)
-    assert distances(before, points * SCALE, melted).max() <= reach
-    assert distances(after, points * SCALE, triangles).max() <= reach
-    into = joined_on_grid(points, locked, size / SCALE)
-    assert (into[locked] == np.flatnonzero(locked)).all()
+    middle = (points.max(axis=0) + points.min(axis=0)) * SCALE / 2
+    extent = float(np.linalg.norm(np.ptp(points, axis=0))) * SCALE
+    after = sample(new_points * SCALE, new_triangles, 200, rng)
+    assert np.linalg.norm(after - middle, axis=1).max() <= extent
+
+
+def test_far_things_stay_apart_longer_than_near_ones() -> None:
+    """Two clusters of boxes: each becomes one thing before they become one another."""
+    rng = np.random.default_rng(3)
+    near = [box(tuple(lo), tuple(lo + 0.05)) for lo in rng.uniform(0, 0.3, (12, 3))]
+    far = [box(tuple(lo), tuple(lo + 0.05)) for lo in rng.uniform(0, 0.3, (12, 3)) + np.array([20, 0, 0])]
+    points, triangles = on_grid(joined(near + far))
+    pairs = near_pairs(points, triangles, components(triangles, len(points))[0])
+    state = begin(
+        points,
+        triangles,
+        twins(triangles),
+        np.zeros(len(points), np.bool_),
+        np.zeros((3 * len(triangles), 4), np.uint8),
+        pairs,
+    )
+    collapse(state, 24, np.inf)
+    new_points, new_triangles, _ = snapshot(state)
+    side = new_points[new_triangles][:, :, 0] > new_points[:, 0].mean()
+    assert (side.all(axis=1) | ~side.any(axis=1)).all()
+    assert side.any()
+    assert not side.all()

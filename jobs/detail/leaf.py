@@ -30,9 +30,9 @@ from storage.normals import from_octahedral
 from storage.tables import transform_points
 
 #: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
-OFFERED = 1
+OFFERED = 3
 #: Levels of a leaf: above that, its parent is as good. A leaf that many placements share has as many as can be.
-MOST_LEVELS = 4
+MOST_LEVELS = 6
 SHARED_LEVELS = 32
 #: Lock of a vertex that no parent may move.
 ALWAYS = -2

@@ -47,25 +47,21 @@ class _Corners(click.Option):
     "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
 )
 @click.option(
+    "--objects",
+    type=click.Choice(["balanced", "gigawalk"]),
+    default="balanced",
+    show_default=True,
+    help="What is drawn or left out as a whole. gigawalk: larger objects, as in the paper of that name: fewer "
+    "drawables, more triangles. The options below change single numbers of it.",
+)
+@click.option(
     "--object-triangles",
     type=int,
-    default=1000,
-    show_default=True,
     help="Parts with more triangles are split where they are large or long; objects have at most ten times as many.",
 )
+@click.option("--object-size", type=float, help="What counts as large: a diagonal above this part of the model's.")
 @click.option(
-    "--object-size",
-    type=float,
-    default=0.1,
-    show_default=True,
-    help="What counts as large: a diagonal above this part of the model's.",
-)
-@click.option(
-    "--object-ratio",
-    type=float,
-    default=2.5,
-    show_default=True,
-    help="What counts as long: a box whose longest edge is this many times its shortest.",
+    "--object-ratio", type=float, help="What counts as long: a box whose longest edge is this many times its shortest."
 )
 @click.option(
     "--cluster-distance",
@@ -84,8 +80,6 @@ class _Corners(click.Option):
 @click.option(
     "--cluster-volume",
     type=float,
-    default=0.001,
-    show_default=True,
     help="Largest box of an object of several parts, as a part of the model's.  0: none are joined.",
 )
 @click.option("--units", metavar="UNIT", help="Length unit of the input (mm, m, in ...). Default: what the files say.")
@@ -110,6 +104,7 @@ class _Corners(click.Option):
 def build(
     inputs: tuple[Path, ...],
     store: Path,
+    objects: str,
     executor: str,
     workers: int | None,
     ray_address: str | None,
@@ -124,12 +119,13 @@ def build(
     """
     from jobs.choose_executor import choose_executor
     from jobs.inputs import total_bytes
-    from jobs.parameters import BuildParameters
+    from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
     from jobs.progress import progress_for
 
     if report is not None:
         report.parent.mkdir(parents=True, exist_ok=True)
+    options.update({name: value for name, value in OBJECTS[objects].items() if options[name] is None})
     parameters = BuildParameters(**options)
     # What ends a job on a cluster is treated as the user's own interrupt: workers stop, what is finished is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -31,8 +31,10 @@ from storage.tables import transform_points
 
 #: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
 OFFERED = 3
+#: The same where it shares vertices with other leaves: these are free to move in the parent only.
+OFFERED_LOCKED = 1
 #: Levels of a leaf: above that, its parent is as good. A leaf that many placements share has as many as can be.
-MOST_LEVELS = 6
+MOST_LEVELS = 8
 SHARED_LEVELS = 32
 #: Lock of a vertex that no parent may move.
 ALWAYS = -2
@@ -123,7 +125,8 @@ def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
             offers.append(
                 Offer(coarse.mesh.points, coarse.mesh.triangles, colours, coarse.error, coarse.outward, patch.locks)
             )
-    return Leaf(Node(scale, tuple(levels)), offers[min(OFFERED, len(offers) - 1) :])
+    first = min(OFFERED_LOCKED if len(patch.locks.points) else OFFERED, len(offers) - 1)
+    return Leaf(Node(scale, tuple(levels)), offers[first:])
 
 
 def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offer:

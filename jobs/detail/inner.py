@@ -30,7 +30,7 @@ from jobs.objects.weld import twins, weld
 
 #: Triangles asked for, as a part of what the children offer.
 SHARE = 0.5
-#: A result with at most this part of the triangles is taken.
+#: A further level must have at most this part of the triangles of the one before.
 ENOUGH = 0.65
 #: Things are joined where so many times their number is more than the triangles that are asked for.
 FEW_THINGS = 16
@@ -85,7 +85,7 @@ def make_inner(
     while top or not levels or (len(levels) < MOST_LEVELS and error <= LARGEST_STEP * offers[0].error):
         locked = np.flatnonzero(same_places(mesh.points, locks.points)).astype(np.int32)
         simplified = _simplified(mesh, colours, locked, outward)
-        if simplified is None and levels:
+        if levels and (simplified is None or len(simplified.mesh.triangles) > ENOUGH * len(mesh.triangles)):
             break
         every = np.arange(len(mesh.triangles), dtype=np.int32)
         coarser, source, outward = simplified or Simplified(mesh, every, outward)
@@ -119,11 +119,11 @@ def _together(children: Sequence[Offer]) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bool) -> Simplified | None:
-    """About half of the triangles; None where that cannot be, since too many vertices are locked."""
+    """About half of the triangles, or as few as locked vertices allow; None where that is all of them."""
     m = len(mesh.triangles)
     if m < FEWEST:
         return None
-    target, enough = int(SHARE * m), ENOUGH * m
+    target = int(SHARE * m)
     stays = _mask(len(mesh.points), locked)
     label, things = components(mesh.triangles, len(mesh.points))
     joins = things > 1 and things * FEW_THINGS >= target
@@ -131,7 +131,7 @@ def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bo
     state = begin(*mesh, stays, colours, pairs)
     collapse(state, target, np.inf)
     found = Simplified(*tidy(*snapshot(state), mesh, locked, outward and not joins))
-    return found if len(found.mesh.triangles) <= enough else None
+    return found if len(found.mesh.triangles) < m else None
 
 
 def _mask(count: int, chosen: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from storage.kernels import allocating_kernel
 from storage.tables import DRAWABLE, NODE, Grid, transform_points
 
 if TYPE_CHECKING:
@@ -78,8 +79,8 @@ def place_node(
         previous = -1.0
         for number, level in enumerate(levels):
             positions, flipped = grid_positions(level, made.scale, placement, grid)
-            used = positions[level.triangles.reshape(-1)]
-            lo, hi = used.min(axis=0) * grid.step, used.max(axis=0) * grid.step
+            least, most = _box(positions, level.triangles)
+            lo, hi = least * grid.step, most * grid.step
             error = level.error
             if placement.instance >= 0:
                 error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
@@ -182,22 +183,51 @@ def _cone(
         return axis.astype(np.float32), math.pi
     if placement.instance >= 0:
         axis = _turn_normal(placement.matrix, axis)
-    a, b, c = (positions[level.triangles[:, corner]] for corner in range(3))
-    u, v = b - a, c - a
-    normals = np.stack([u[:, i] * v[:, j] - u[:, j] * v[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1).astype(
-        np.float64
-    )
-    if flipped:
-        normals = -normals
-    length = _length(normals)
-    normals, length = normals[length > 0], length[length > 0]
     axis = (axis / max(float(_length(axis[None])[0]), 1e-300)).astype(np.float32).astype(np.float64)
-    if not len(normals) or not axis.any():
+    cosine = _least_cosine(positions, level.triangles, -axis if flipped else axis)
+    if cosine > 1e300 or not axis.any():
         return axis, math.pi
-    cosine = (normals[:, 0] * axis[0] + normals[:, 1] * axis[1] + normals[:, 2] * axis[2]) / length
-    cosine /= _length(axis[None])[0]
-    angle = math.acos(min(1.0, max(-1.0, float(cosine.min()))))
+    cosine /= float(_length(axis[None])[0])
+    angle = math.acos(min(1.0, max(-1.0, cosine)))
     return axis, min(math.pi, math.ceil((angle + 1e-6) / ANGLE_STEP) * ANGLE_STEP)
+
+
+@allocating_kernel()
+def _box(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The box lo, hi (3,) int64 of triangles (m, 3) over positions (n, 3) int64."""
+    lo, hi = positions[triangles[0, 0]].copy(), positions[triangles[0, 0]].copy()
+    for t in range(len(triangles)):
+        for e in range(3):
+            for c in range(3):
+                p = positions[triangles[t, e], c]
+                lo[c], hi[c] = min(lo[c], p), max(hi[c], p)
+    return lo, hi
+
+
+@allocating_kernel()
+def _least_cosine(positions: np.ndarray, triangles: np.ndarray, axis: np.ndarray) -> float:
+    """The least product of an axis (3,) with the unit normal of a triangle (m, 3) over positions (n, 3) int64.
+
+    Infinite if no triangle has an area.
+    """
+    least = np.inf
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy, uz = (
+            positions[b, 0] - positions[a, 0],
+            positions[b, 1] - positions[a, 1],
+            positions[b, 2] - positions[a, 2],
+        )
+        vx, vy, vz = (
+            positions[c, 0] - positions[a, 0],
+            positions[c, 1] - positions[a, 1],
+            positions[c, 2] - positions[a, 2],
+        )
+        x, y, z = np.float64(uy * vz - uz * vy), np.float64(uz * vx - ux * vz), np.float64(ux * vy - uy * vx)
+        length = np.sqrt((x * x + y * y) + z * z)
+        if length > 0.0:
+            least = min(least, (x * axis[0] + y * axis[1] + z * axis[2]) / length)
+    return least
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:

@@ -24,12 +24,6 @@ FEWEST = 8
 SLACK = 1.25
 #: Bounds below this many grid steps are good enough.
 FLOOR_STEPS = 4.0
-#: A level is measured against a coarser one than the finest if that one's error is below this part of the expected ...
-REFERENCE_SHARE = 0.25
-#: Errors are expected to grow by this factor from level to level, as they do on smooth surfaces.
-EXPECTED_GROWTH = 2.0
-#: ... or below this many grid steps, which is next to nothing.
-REFERENCE_STEPS = 4.0
 #: What rounding may have done to a bound: absolute, in grid steps, and relative.
 ROUNDING_STEPS = 1e-4
 ROUNDING = 1e-9
@@ -74,8 +68,8 @@ def coarser_levels(
     """
     extent = finest.points.max(axis=0).astype(np.float64) - finest.points.min(axis=0)
     largest = LARGEST_ERROR * float(np.sqrt((extent * extent).sum()))
-    surfaces = [make_surface(finest.points.astype(np.float64), finest.triangles)]
-    errors = [error]
+    original = make_surface(finest.points.astype(np.float64), finest.triangles)
+    reached = error
     levels: list[CoarseLevel] = []
     places = finest.points[locked]
     stays = np.zeros(len(finest.points), np.bool_)
@@ -91,18 +85,14 @@ def coarser_levels(
             break
         before = len(mesh.triangles)
         surface = make_surface(mesh.points.astype(np.float64), mesh.triangles)
-        allowed = max(REFERENCE_SHARE * EXPECTED_GROWTH * errors[-1], REFERENCE_STEPS)
-        base = max(i for i in range(len(errors)) if i == 0 or errors[i] <= allowed)
-        bound, _ = hausdorff_bound(surface, surfaces[base], 0.0, max(errors[-1] - errors[base], FLOOR_STEPS), SLACK)
-        total = (bound + errors[base]) * (1.0 + ROUNDING) + ROUNDING_STEPS
-        total = max(total, errors[-1] * (1.0 + 1e-6) + ROUNDING_STEPS)
-        if total > largest:
+        bound, _ = hausdorff_bound(surface, original, 0.0, max(reached - error, FLOOR_STEPS), SLACK)
+        total = (bound + error) * (1.0 + ROUNDING) + ROUNDING_STEPS
+        reached = max(total, reached * (1.0 + 1e-6) + ROUNDING_STEPS)
+        if reached > largest:
             break
-        errors.append(total)
-        surfaces.append(surface)
         held = np.flatnonzero(same_places(mesh.points, places)).astype(np.int32)
-        levels.append(CoarseLevel(mesh, source, surface, held, total, closed))
-    return Chain(surfaces[0], levels)
+        levels.append(CoarseLevel(mesh, source, surface, held, reached, closed))
+    return Chain(original, levels)
 
 
 def tidy(

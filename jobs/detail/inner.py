@@ -78,7 +78,7 @@ def make_inner(
         and len(locks.points) == 0
         and bool(outward_closed(*mesh, np.array([0, len(triangles)]))[0])
     )
-    surface = make_surface(points.astype(np.float64), triangles)
+    given = surface = make_surface(points.astype(np.float64), triangles)
     error = worst
     levels: list[Level] = []
     offers: list[Offer] = []
@@ -91,8 +91,8 @@ def make_inner(
         coarser, source, outward = simplified or Simplified(mesh, every, outward)
         coarse = make_surface(coarser.points.astype(np.float64), coarser.triangles)
         if simplified is not None:
-            bound, _ = hausdorff_bound(coarse, surface, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
-            error += bound
+            bound, _ = hausdorff_bound(coarse, given, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
+            error = max(error, worst + bound)
         error = error * (1.0 + ROUNDING) + ROUNDING_STEPS
         held = np.flatnonzero(same_places(coarser.points, locks.points)).astype(np.int32)
         normals, _ = face_normals(mesh.points, mesh.triangles)

@@ -50,7 +50,8 @@ class _Bytes(click.ParamType):
 Examples:
   vlod play plant.store
   vlod play plant.store --headless --frames frames --report report.json
-  vlod play plant.store --headless --path tour.json --frames frames --compare none""",
+  vlod play plant.store --headless --path tour.json --frames frames --compare none
+  vlod play plant.store --headless --colours objects --frames frames""",
 )
 @click.argument("store")
 @click.option("--headless", is_flag=True, help="Render a path without a window, to files.")
@@ -108,6 +109,14 @@ Examples:
 @click.option(
     "--fog", type=click.FloatRange(min=0), default=0.0, show_default=True, help="Fade with distance, per model unit."
 )
+@click.option(
+    "--colours",
+    type=click.Choice(["model", "objects", "levels"]),
+    default="model",
+    show_default=True,
+    help="objects: each object, and each node above them, in a colour of its own. levels: leaves from dark green "
+    "(finest) to yellow, nodes above them from orange to blue (the root).",
+)
 @click.option("--gl33", is_flag=True, help="Use no more than OpenGL 3.3, as on old drivers.")
 @click.option(
     "--output",
@@ -137,10 +146,13 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
         wait=options["wait"],
         prefetch=options["prefetch"],
         fog=options["fog"],
+        colours=options["colours"],
     )
     if headless:
         if not (options["frames"] or options["report"] or options["as_json"]):
             raise click.UsageError("nothing to do: give --frames DIR, --report FILE or --json")
+        if options["compare"] and options["colours"] != "model":
+            raise click.UsageError("--compare compares the model's own colours: leave --colours out")
         path = path or make_tour(scene, survey(scene), frames=options["tour_frames"], seed=0)
         if options["fps"] is not None:
             path = path.resampled(options["fps"])

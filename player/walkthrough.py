@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player.colours import Colours, tints
 from player.packs import Packs
 from player.renderer.context import Abilities
 from player.renderer.draw_list import draw_tables
@@ -46,6 +47,7 @@ class Settings:
     prefetch: bool = True
     fog: float = 0.0  # fading into the distance, per model unit
     sky: bool = True
+    colours: Colours = "model"
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ class Walkthrough:
         self._context = context
         self._pack_of = store.geometry["pack"].astype(np.int64)[store.drawables["geometry"]]
         self._strategy = self._make_strategy(settings.strategy)
+        self.colours: Colours = "model"
+        self.use_colours(settings.colours)
         self._last_position: np.ndarray | None = None
         if not settings.wait:
             self._load_base()
@@ -104,6 +108,12 @@ class Walkthrough:
         if name != self._strategy.name:
             self._strategy.close()
             self._strategy = self._make_strategy(name, self._strategy.pixel_error)
+
+    def use_colours(self, name: Colours) -> None:
+        """Changes what the colours show."""
+        if name != self.colours:
+            self.colours = name
+            self.renderer.paint(tints(name, self.scene.store.nodes, self.scene.store.drawables))
 
     def frame(self, view: View, target: Target) -> FrameStatistics:
         """Draws `view` into `target`."""

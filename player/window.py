@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from player.colours import COLOURS, COLOURS_SHOW
 from player.controls import Camera
 from player.errors import GraphicsError
 from player.headless import Screen, near_and_far, save
@@ -32,6 +33,7 @@ _HELP = (
     ("1  2  3", "strategy: vlod, frustum, none"),
     ("+  -", "allowed error in pixels (also page up, page down)"),
     ("F", "freeze culling"),
+    ("C", "colours: the model's, by object, by level"),
     ("P", "screenshot"),
     ("R  T", "record a path; replay it"),
     ("O  H", "statistics; this help"),
@@ -199,6 +201,7 @@ class Viewer:
             keys.MINUS: lambda: self._change_error(0.8),
             keys.PAGE_DOWN: lambda: self._change_error(0.8),
             keys.F: self._freeze,
+            keys.C: self._next_colours,
             keys.G: self._toggle_walking,
             keys.H: self._toggle_help,
             keys.M: self._toggle_mouse,
@@ -268,6 +271,11 @@ class Viewer:
         strategy = self.walk.strategy
         strategy.pixel_error = min(64.0, max(0.125, strategy.pixel_error * factor))
         self.message = f"allowed error {strategy.pixel_error:.2f} pixels"
+
+    def _next_colours(self) -> None:
+        following = COLOURS[(COLOURS.index(self.walk.colours) + 1) % len(COLOURS)]
+        self.walk.use_colours(following)
+        self.message = f"colours: {COLOURS_SHOW[following]}"
 
     def _freeze(self) -> None:
         self.walk.frozen = self.view() if self.walk.frozen is None else None

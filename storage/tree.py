@@ -45,6 +45,18 @@ def parents(nodes: np.ndarray) -> NDArray[np.int64]:
     return above
 
 
+def heights(nodes: np.ndarray) -> NDArray[np.int64]:
+    """How many nodes (n,) the longest way down from each one passes; 0 for leaves."""
+    above = parents(nodes)
+    found = np.zeros(len(nodes), np.int64)
+    front, steps = np.flatnonzero(leaves(nodes)), 0
+    while len(front):
+        found[front] = steps
+        front, steps = np.unique(above[front]), steps + 1
+        front = front[front >= 0]
+    return found
+
+
 def overlapping(nodes: np.ndarray, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which of `some` nodes (k,) are, lie above, or lie below one of `others` (m,), increasing, none above another."""
     end = nodes["end"].astype(np.int64)

@@ -16,6 +16,9 @@ from player.renderer.instances import mirrored
 #: Which sides of a drawable are drawn; the cull mode of a batch.
 BOTH_SIDES, FRONT_ONLY, BACK_ONLY = 0, 1, 2
 
+#: What an instance that is drawn brings along: its placement (see player.renderer.instances) and its tint.
+RECORD = np.dtype([("placement", "<u4"), ("tint", "u1", (4,))])
+
 #: OpenGL's DrawElementsIndirectCommand.
 COMMAND = np.dtype(
     [
@@ -33,7 +36,7 @@ class DrawTables:
     """What drawing must know of each drawable; arrays as long as the store's tables."""
 
     geometry: NDArray[np.int64]  # (drawables,) index of the mesh
-    record: NDArray[np.uint32]  # (drawables,) placement: see player.renderer.instances
+    record: np.ndarray  # RECORD (drawables,)
     side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
     triangles: NDArray[np.int64]  # (drawables,)
     pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
@@ -42,13 +45,15 @@ class DrawTables:
 
 
 def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray) -> DrawTables:
-    """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays."""
+    """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays, without tints."""
     instance = drawables["instance"].astype(np.int64)
+    record = np.zeros(len(drawables), RECORD)
+    record["placement"] = instance + 1
     turned = np.concatenate([mirrored(instances["matrix"]), [False]])[instance]
     side = np.where(drawables["one_sided"], np.where(turned, BACK_ONLY, FRONT_ONLY), BOTH_SIDES)
     return DrawTables(
         geometry=drawables["geometry"].astype(np.int64),
-        record=(instance + 1).astype(np.uint32),
+        record=record,
         side=side.astype(np.uint8),
         triangles=drawables["triangles"].astype(np.int64),
         pack=geometry["pack"].astype(np.int64),
@@ -72,7 +77,7 @@ class DrawList:
     """Everything to draw one frame."""
 
     commands: np.ndarray  # COMMAND (n,)
-    records: NDArray[np.uint32]  # (drawables,) record of each instance drawn, in the commands' order
+    records: np.ndarray  # RECORD (drawables,) of each instance drawn, in the commands' order
     batches: tuple[Batch, ...]
     triangles: int
     drawables: int
@@ -92,7 +97,8 @@ def build(
     if np.any(batch < 0):
         raise ValueError("a drawable's pack is not in the arena")
     rank = np.arange(len(ids), dtype=np.int64)
-    if tables.record[ids].any():  # several drawables may share a mesh: each takes the rank of the mesh's first
+    placed = tables.record["placement"][ids]
+    if placed.any():  # several drawables may share a mesh: each takes the rank of the mesh's first
         by_mesh = np.lexsort((rank, geometry, batch))
         starts = _starts(batch[by_mesh], geometry[by_mesh])
         lengths = np.diff(np.append(starts, len(ids)))

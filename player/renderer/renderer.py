@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import moderngl
@@ -56,6 +56,13 @@ class Renderer:
         surface["u_horizon"] = shaders.HORIZON
         self._sky["u_up"] = tuple(up)
         self._sky["u_horizon"] = shaders.HORIZON
+
+    def paint(self, tints: NDArray[np.uint8]) -> None:
+        """Draws each drawable in its tint (drawables, 4): red, green, blue; alpha 0 keeps the mesh's own colours."""
+        record = self._tables.record.copy()
+        record["tint"] = tints
+        self._tables = replace(self._tables, record=record)
+        self._last = None
 
     def prepare(self, ids: NDArray[np.int64]) -> DrawList:
         """Draw commands for sorted drawable `ids`, whose packs must be in the arena; kept while nothing changes."""

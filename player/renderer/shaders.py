@@ -24,14 +24,14 @@ out vec3 v_normal;
 out vec3 v_colour;
 
 #if MULTI_DRAW
-in uint in_record;
-uint record_index() { return in_record; }
+in uvec2 in_record;         // placement, tint
+uvec2 record() { return in_record; }
 #else
 uniform usampler2D u_order;
 uniform int u_first;
-uint record_index() {
+uvec2 record() {
     int i = u_first + gl_InstanceID;
-    return texelFetch(u_order, ivec2(i & 4095, i >> 12), 0).r;
+    return texelFetch(u_order, ivec2(i & 4095, i >> 12), 0).rg;
 }
 #endif
 
@@ -49,9 +49,9 @@ void main() {
     vec3 placed = in_position;
     vec3 whole = vec3(0.0);
     vec3 rest = vec3(0.0);
-    uint record = record_index();
-    if (record != 0u) {
-        ivec2 texel = ivec2(int(record % RECORDS_PER_ROWu) * 4, int(record / RECORDS_PER_ROWu));
+    uvec2 own = record();
+    if (own.x != 0u) {
+        ivec2 texel = ivec2(int(own.x % RECORDS_PER_ROWu) * 4, int(own.x / RECORDS_PER_ROWu));
         vec4 r0 = texelFetch(u_records, texel, 0);
         vec4 r1 = texelFetch(u_records, texel + ivec2(1, 0), 0);
         vec4 r2 = texelFetch(u_records, texel + ivec2(2, 0), 0);
@@ -67,7 +67,8 @@ void main() {
     vec3 relative = (placed + (whole - u_eye_whole)) + (rest - u_eye_rest);
     v_relative = relative;
     v_normal = normal;
-    v_colour = in_colour.rgb;
+    vec4 tint = vec4((uvec4(own.y) >> uvec4(0u, 8u, 16u, 24u)) & 255u) / 255.0;
+    v_colour = mix(in_colour.rgb, tint.rgb, tint.a);
     gl_Position = u_clip * vec4(relative, 1.0);
 }
 """
@@ -165,7 +166,7 @@ TEXT = (_TEXT_VERTEX, _TEXT_FRAGMENT)
 def surface(*, multi_draw: bool) -> tuple[str, str]:
     """Vertex and fragment shader of surfaces.
 
-    multi_draw: record indices come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3).
+    multi_draw: records come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3).
     """
     version = "#version 430\n" if multi_draw else "#version 330\n"
     vertex = _SURFACE_VERTEX.replace("RECORDS_PER_ROW", str(_RECORDS_PER_ROW))

@@ -6,11 +6,10 @@ from typing import Any, Protocol
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from player.renderer import shaders
 from player.renderer.arena import Arena
-from player.renderer.draw_list import BACK_ONLY, BOTH_SIDES, COMMAND, DrawList, merged_runs
+from player.renderer.draw_list import BACK_ONLY, BOTH_SIDES, COMMAND, RECORD, DrawList, merged_runs
 
 _ORDER_WIDTH = 4096  # records in a row of the order texture; the shader knows this number
 
@@ -47,7 +46,7 @@ class MultiDraw:
         vertex, fragment = shaders.surface(multi_draw=True)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self._commands = context.buffer(reserve=COMMAND.itemsize << 10, dynamic=True)
-        self._records = context.buffer(reserve=4 << 10, dynamic=True)
+        self._records = context.buffer(reserve=RECORD.itemsize << 10, dynamic=True)
         self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
         self._written: DrawList | None = None
 
@@ -92,7 +91,7 @@ class MultiDraw:
             self.program,
             [
                 (slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour"),
-                (self._records, "1u4/i", "in_record"),
+                (self._records, "2u4/i", "in_record"),
             ],
             slab.index_buffer,
         )
@@ -106,7 +105,7 @@ class MultiDraw:
 
 
 class SingleDraws:
-    """OpenGL 3.3: one call per run of neighbouring meshes, one per instanced mesh; records come from a texture."""
+    """OpenGL 3.3: one call per run of neighbouring meshes of one tint, one per instanced mesh; records in a texture."""
 
     def __init__(self, context: moderngl.Context, arena: Arena) -> None:
         self._context = context
@@ -114,7 +113,7 @@ class SingleDraws:
         vertex, fragment = shaders.surface(multi_draw=False)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self.program["u_order"] = 1
-        self._order = context.texture((_ORDER_WIDTH, 1), 1, dtype="u4")
+        self._order = context.texture((_ORDER_WIDTH, 1), 2, dtype="u4")
         self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
         self._written: DrawList | None = None
         self._calls: list[tuple[int, int, int, int, int, int]] = []
@@ -141,12 +140,12 @@ class SingleDraws:
         self._order.release()
         self.program.release()
 
-    def _write_order(self, records: NDArray[np.uint32]) -> None:
+    def _write_order(self, records: np.ndarray) -> None:
         rows = max(1, -(-len(records) // _ORDER_WIDTH))
         if rows > self._order.height:
             self._order.release()
-            self._order = self._context.texture((_ORDER_WIDTH, 2 * rows), 1, dtype="u4")
-        padded = np.zeros(rows * _ORDER_WIDTH, np.uint32)
+            self._order = self._context.texture((_ORDER_WIDTH, 2 * rows), 2, dtype="u4")
+        padded = np.zeros(rows * _ORDER_WIDTH, RECORD)
         padded[: len(records)] = records
         self._order.write(padded.tobytes(), viewport=(0, 0, _ORDER_WIDTH, rows))
 
@@ -171,8 +170,11 @@ def draw_calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:
     calls = []
     for batch in draws.batches:
         commands = draws.commands[batch.first : batch.first + batch.commands]
-        baked = (commands["instances"] == 1) & (draws.records[commands["base_instance"]] == 0)
-        for stretch in np.split(np.arange(len(commands)), np.flatnonzero(np.diff(baked)) + 1):
+        record = draws.records[commands["base_instance"]]
+        baked = (commands["instances"] == 1) & (record["placement"] == 0)
+        tint = np.ascontiguousarray(record["tint"]).view(np.uint32)[:, 0]
+        changes = np.diff(baked) | (np.diff(tint) != 0)
+        for stretch in np.split(np.arange(len(commands)), np.flatnonzero(changes) + 1):
             some = commands[stretch]
             if baked[stretch[0]]:
                 base = int(some["base_instance"][0])

@@ -12,6 +12,7 @@ from player.renderer.draw_list import (
     BOTH_SIDES,
     COMMAND,
     FRONT_ONLY,
+    RECORD,
     DrawTables,
     build,
     draw_tables,
@@ -23,9 +24,12 @@ from storage.store import Store
 
 def _tables(rng: np.random.Generator, drawables: int, meshes: int, packs: int) -> DrawTables:
     geometry = rng.integers(0, meshes, drawables)
+    record = np.zeros(drawables, RECORD)
+    record["placement"] = np.where(rng.random(drawables) < 0.5, 0, rng.integers(1, 9, drawables))
+    record["tint"] = rng.integers(0, 2, (drawables, 1)) * (1, 2, 3, 255)
     return DrawTables(
         geometry=geometry,
-        record=np.where(rng.random(drawables) < 0.5, 0, rng.integers(1, 9, drawables)).astype(np.uint32),
+        record=record,
         side=rng.integers(0, 3, drawables).astype(np.uint8),
         triangles=rng.integers(1, 9, drawables),
         pack=rng.integers(0, packs, meshes),
@@ -35,7 +39,7 @@ def _tables(rng: np.random.Generator, drawables: int, meshes: int, packs: int) -
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 30))
-def test_every_drawable_is_drawn_once_with_its_placement(seed: int, count: int) -> None:
+def test_every_drawable_is_drawn_once_with_its_placement_and_tint(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     tables = _tables(rng, 40, 12, 5)
     slab_of = rng.integers(0, 2, 5).astype(np.int32)
@@ -48,13 +52,13 @@ def test_every_drawable_is_drawn_once_with_its_placement(seed: int, count: int) 
             int(tables.side[d]),
             int(first_index[tables.pack[g]] + tables.first_index[g]),
             int(tables.indices[g]),
-            int(tables.record[d]),
+            tables.record[d].tobytes(),
         )
         for d in ids
         for g in [tables.geometry[d]]
     )
     found = sorted(
-        (batch.slab, batch.side, int(c["first_index"]), int(c["indices"]), int(record))
+        (batch.slab, batch.side, int(c["first_index"]), int(c["indices"]), record.tobytes())
         for batch in draws.batches
         for c in draws.commands[batch.first : batch.first + batch.commands]
         for record in draws.records[c["base_instance"] : c["base_instance"] + c["instances"]]
@@ -63,7 +67,7 @@ def test_every_drawable_is_drawn_once_with_its_placement(seed: int, count: int) 
     assert draws.drawables == count
     assert draws.triangles == tables.triangles[ids].sum()
     singles = sorted(
-        (slab, side, triangle, int(record))
+        (slab, side, triangle, record.tobytes())
         for slab, side, first, indices, instances, base in draw_calls(draws)
         for record in draws.records[base : base + instances]
         for triangle in range(first, first + indices, 3)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.tables import NODE
-from storage.tree import children, leaves, overlapping, parents, roots
+from storage.tree import children, heights, leaves, overlapping, parents, roots
 
 
 def forest(seed: int, count: int) -> tuple[np.ndarray, list[int]]:
@@ -35,6 +35,16 @@ def test_parents_children_roots_and_leaves(seed: int, count: int) -> None:
     assert leaves(nodes).tolist() == [node not in above for node in range(count)]
     some = np.flatnonzero(np.random.default_rng(seed).random(count) < 0.3)
     assert children(nodes, some).tolist() == [node for node in range(count) if above[node] in some]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 40))
+def test_heights(seed: int, count: int) -> None:
+    nodes, above = forest(seed, count)
+
+    def height(node: int) -> int:
+        return max((1 + height(other) for other in range(count) if above[other] == node), default=0)
+
+    assert heights(nodes).tolist() == [height(node) for node in range(count)]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))

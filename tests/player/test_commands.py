@@ -72,6 +72,7 @@ def test_without_a_display_headless_is_suggested(room: Store, tmp_path: Path) ->
     [
         (["--headless"], "nothing to do"),
         (["--report", "r.json"], "--report needs --headless"),
+        (["--headless", "--json", "--colours", "objects", "--compare", "none"], "leave --colours out"),
         (["--headless", "--json", "--size", "big"], "not a size"),
         (["--headless", "--json", "--size", "0x9"], "not a size"),
         (["--headless", "--json", "--cache", "lots"], "not a number of bytes"),

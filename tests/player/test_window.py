@@ -49,6 +49,7 @@ def test_the_window_is_steered(room: Store, tmp_path: Path) -> None:
     assert 0.2 < found["at the wall"] < 0.6
     assert found["strategies"] == ["frustum", "none", "vlod"]
     assert found["coarser"] == 1.25
+    assert found["colours"] == ["objects", "levels", "model"]
     assert found["closing"]
 
 

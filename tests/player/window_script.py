@@ -91,6 +91,12 @@ def main() -> None:
     error = viewer.walk.strategy.pixel_error
     press(keys.EQUAL)
     found["coarser"] = viewer.walk.strategy.pixel_error / error
+    colours = []
+    for _ in range(3):
+        press(keys.C)
+        frames(1)
+        colours.append(viewer.walk.colours)
+    found["colours"] = colours
     for key in (keys.F, keys.H, keys.O, keys.O, keys.F, keys.H):
         press(key)
         frames(1)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.borders import same_places
+from jobs.detail.borders import border_kept, same_places
 from jobs.detail.closest import make_surface
 from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
 from jobs.detail.hausdorff import hausdorff_bound
@@ -26,7 +26,7 @@ from jobs.detail.near_pairs import near_pairs
 from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed
 from jobs.detail.normal_cone import face_normals
 from jobs.objects.components import components, outward_closed
-from jobs.objects.weld import twins, weld
+from jobs.objects.weld import OPEN, twins, weld
 
 #: Triangles asked for, as a part of what the children offer.
 SHARE = 0.5
@@ -73,17 +73,13 @@ def make_inner(
     locks = Locks(*(np.concatenate([getattr(offer.locks, name) for offer in taken]) for name in Locks._fields))
     locks = locks.outside(first, last)
     mesh = Mesh(points, triangles, twins(triangles))
-    outward = (
-        all(offer.outward for offer in taken)
-        and len(locks.points) == 0
-        and bool(outward_closed(*mesh, np.array([0, len(triangles)]))[0])
-    )
+    locked = np.flatnonzero(same_places(mesh.points, locks.points)).astype(np.int32)
+    outward = all(offer.outward for offer in taken) and _closed(mesh, locked)
     given = surface = make_surface(points.astype(np.float64), triangles)
     error = worst
     levels: list[Level] = []
     offers: list[Offer] = []
     while top or not levels or (len(levels) < MOST_LEVELS and error <= LARGEST_STEP * offers[0].error):
-        locked = np.flatnonzero(same_places(mesh.points, locks.points)).astype(np.int32)
         simplified = _simplified(mesh, colours, locked, outward)
         if levels and (simplified is None or len(simplified.mesh.triangles) > ENOUGH * len(mesh.triangles)):
             break
@@ -101,7 +97,7 @@ def make_inner(
         level, colours = dressed(CoarseLevel(coarser, source, coarse, held, error, outward), before, crease, scale)
         levels.append(level)
         offers.append(Offer(coarser.points, coarser.triangles, colours, error, outward, locks))
-        mesh, surface = coarser, coarse
+        mesh, surface, locked = coarser, coarse, held
         if simplified is None:
             break
     return Inner(Node(scale, tuple(levels)), offers)
@@ -131,7 +127,19 @@ def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bo
     state = begin(*mesh, stays, colours, pairs)
     collapse(state, target, np.inf)
     found = Simplified(*tidy(*snapshot(state), mesh, locked, outward and not joins))
+    if found.outward and len(locked) and not border_kept(*mesh, locked, found.mesh.points, found.mesh.triangles):
+        found = found._replace(outward=False)
     return found if len(found.mesh.triangles) < m else None
+
+
+def _closed(mesh: Mesh, locked: np.ndarray) -> bool:
+    """Whether surfaces that were wound outward are closed together, with what lies beyond the locked vertices."""
+    if len(locked) == 0:
+        return bool(outward_closed(*mesh, np.array([0, len(mesh.triangles)]))[0])
+    stays = _mask(len(mesh.points), locked)
+    border = np.flatnonzero(mesh.twin == OPEN)
+    begin, end = mesh.triangles[border // 3, border % 3], mesh.triangles[border // 3, (border % 3 + 1) % 3]
+    return bool((mesh.twin >= OPEN).all() and (stays[begin] & stays[end]).all())
 
 
 def _mask(count: int, chosen: np.ndarray) -> np.ndarray:

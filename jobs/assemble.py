@@ -71,34 +71,39 @@ def place_node(
     The drawables' geometry counts up from first_geometry, finest level first; node and first_drawable count from 0.
     """
     levels = made.levels
+    count = len(levels)
     nodes = np.zeros(len(placements), NODE)
-    drawables = np.zeros(len(placements) * len(levels), DRAWABLE)
+    drawables = np.zeros(len(placements) * count, DRAWABLE)
+    drawables["node"] = np.repeat(np.arange(len(placements)), count)
+    drawables["level"] = np.tile(np.arange(count), len(placements))
+    drawables["geometry"] = first_geometry + drawables["level"]
+    drawables["instance"] = np.repeat([placement.instance for placement in placements], count)
+    drawables["triangles"] = np.tile([len(level.triangles) for level in levels], len(placements))
+    drawables["one_sided"] = np.tile([level.one_sided for level in levels], len(placements))
+    errors = np.empty((len(placements), count))
+    lo, hi = np.empty((len(placements), count, 3)), np.empty((len(placements), count, 3))
+    axes, angles = np.empty((len(placements), count, 3)), np.empty((len(placements), count))
     for n, placement in enumerate(placements):
-        first = n * len(levels)
-        node_lo, node_hi = np.full(3, np.inf), np.full(3, -np.inf)
-        previous = -1.0
         for number, level in enumerate(levels):
             positions, flipped = grid_positions(level, made.scale, placement, grid)
-            least, most = _box(positions, level.triangles)
-            lo, hi = least * grid.step, most * grid.step
+            lo[n, number], hi[n, number] = _box(positions, level.triangles)
             error = level.error
             if placement.instance >= 0:
                 error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
-            row = drawables[first + number]
-            row["node"], row["level"] = n, number
-            row["geometry"], row["instance"] = first_geometry + number, placement.instance
-            row["triangles"] = len(level.triangles)
-            # Rounding must not make two levels' errors equal.
-            previous = max(float(float32_up(error)), float(np.nextafter(np.float32(previous), np.float32(np.inf))))
-            row["error"] = previous
-            row["lo"], row["hi"] = float32_down(lo), float32_up(hi)
-            row["one_sided"] = level.one_sided
-            row["cone_axis"], row["cone_angle"] = _cone(level, positions, placement, flipped, level.one_sided)
-            reach = float(row["error"]) if number == 0 else 0.0
-            node_lo, node_hi = np.minimum(node_lo, lo - reach), np.maximum(node_hi, hi + reach)
-        node = nodes[n]
-        node["first_drawable"], node["levels"], node["part"] = first, len(levels), placement.part
-        node["lo"], node["hi"] = float32_down(node_lo), float32_up(node_hi)
+            errors[n, number] = error
+            axes[n, number], angles[n, number] = _cone(level, positions, placement, flipped, level.one_sided)
+    stored = float32_up(errors)
+    for number in range(1, count):  # rounding must not make two levels' errors equal
+        stored[:, number] = np.maximum(stored[:, number], np.nextafter(stored[:, number - 1], np.float32(np.inf)))
+    lo, hi = lo * grid.step, hi * grid.step
+    drawables["error"], drawables["cone_angle"] = stored.reshape(-1), angles.reshape(-1)
+    drawables["cone_axis"] = axes.reshape(-1, 3)
+    drawables["lo"], drawables["hi"] = float32_down(lo).reshape(-1, 3), float32_up(hi).reshape(-1, 3)
+    reach = stored[:, :1].astype(np.float64)
+    nodes["first_drawable"] = np.arange(len(placements)) * count
+    nodes["levels"], nodes["part"] = count, [placement.part for placement in placements]
+    nodes["lo"] = float32_down(np.minimum(lo[:, 0] - reach, lo.min(axis=1)))
+    nodes["hi"] = float32_up(np.maximum(hi[:, 0] + reach, hi.max(axis=1)))
     return nodes, drawables
 
 

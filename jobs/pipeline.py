@@ -124,7 +124,8 @@ def make_levels(run: Run, imported: TaskResult, parameters: BuildParameters) -> 
     shared = run.all(stages.SHARED, plan.shared_tasks(imported, pieces, hierarchy, parameters))
     fragments = plan.NodesPlan(run.place, imported, pieces, hierarchy, shared, parameters)
     nodes = run.all(stages.NODES, fragments.first(), fragments.then)
-    return run.one(plan.tables_task(imported, hierarchy, [*shared, *nodes]))
+    in_tree = sorted(nodes, key=lambda result: int(result.task.payload["root"]))
+    return run.one(plan.tables_task(imported, hierarchy, [*shared, *in_tree]))
 
 
 class Run:

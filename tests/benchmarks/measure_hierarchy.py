@@ -1,9 +1,10 @@
 """What the hierarchy of models looks like, and what each step of building it takes, on one core.
 
-    python tests/benchmarks/measure_hierarchy.py [--json FILE] [MODEL ...]
+    python tests/benchmarks/measure_hierarchy.py [--json FILE] [--plot FILE.png] [MODEL ...]
 
 MODEL: the name of a demo scene with its number of triangles (plant:1000000), or a path below VLOD_MODELS. Everything is
 built in this process, one task after the other; seconds are the process's own. Bytes are those of the geometry shards.
+--plot: seconds and bytes of all demo scenes given, over their triangles, as a picture.
 """
 
 from __future__ import annotations
@@ -16,20 +17,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from jobs.scenes import write_scene
 from jobs.stages import HIERARCHY
-from storage.tree import leaves
+from storage.tree import heights, leaves
 from tests.jobs.built_geometry import build_geometry
 from tests.jobs.tiny_model import write_rooms
 
 MODELS = [
-    "plant:1000000",
-    "city:1000000",
     "mid_hospital/hospital_three_floors.glb",
     "large_ldraw/deathstar10143.glb",
     "large_ldraw/townhall10224.glb",
+    "cad_atlas/atlas_detector.glb",
+    "plant:1000000",
+    "plant:10000000",
+    "city:1000000",
+    "city:3000000",
+    "city:10000000",
+    "city:30000000",
 ]
+#: What makes the hierarchy, once triangles are in memory.
+WORK = ("pieces", "hierarchy", "shared", "nodes")
 
 
 def measure(name: str, folder: Path) -> dict[str, Any]:
@@ -49,26 +58,63 @@ def measure(name: str, folder: Path) -> dict[str, Any]:
     stored = int(geometry.geometry["triangles"].sum(dtype=np.int64))
     size_on_disk = sum(path.stat().st_size for path in (folder / "store/shards").iterdir())
     steps = {stage.name: stage for stage in built.run.reports}
-    working = sum(steps[step].core_seconds for step in ("pieces", "hierarchy", "shared", "nodes"))
+    unique = int(built.model.meshes["triangles"].sum(dtype=np.int64))
+    working = sum(steps[step].core_seconds for step in WORK)
     return {
         "triangles": int(finest.sum(dtype=np.int64)),
-        "unique_triangles": int(built.model.meshes["triangles"].sum(dtype=np.int64)),
+        "unique_triangles": unique,
         **{key: counts[key] for key in ("parts", "pieces", "clusters", "objects", "shared", "nodes")},
+        "tree_height": int(heights(geometry.nodes)[0]),
         "drawables": len(geometry.drawables),
         "root_triangles": int(geometry.drawables["triangles"][int(geometry.nodes["levels"][0]) - 1]),
         "stored_triangles": stored,
         "bytes": size_on_disk,
-        "bytes_per_triangle": size_on_disk / int(built.model.meshes["triangles"].sum(dtype=np.int64)),
+        "bytes_per_unique_triangle": size_on_disk / unique,
+        "bytes_per_stored_triangle": size_on_disk / stored,
         "seconds": {step: stage.core_seconds for step, stage in steps.items()},
         "peak_mib": {step: stage.peak_task_memory >> 20 for step, stage in steps.items()},
-        "unique_triangles_per_second": int(built.model.meshes["triangles"].sum(dtype=np.int64)) / working,
+        "triangles_per_second": int(finest.sum(dtype=np.int64)) / working,
+        "unique_triangles_per_second": unique / working,
     }
+
+
+def draw(results: dict[str, dict[str, Any]], file: Path) -> None:
+    """Seconds and bytes of demo scenes over their triangles."""
+    width, height, left, below = 640, 400, 60, 40
+    scenes = sorted((found["triangles"], found) for name, found in results.items() if ":" in name)
+    curves = {
+        "core-seconds, import and all steps": [sum(found["seconds"].values()) for _, found in scenes],
+        "megabytes stored": [found["bytes"] / 1e6 for _, found in scenes],
+    }
+    right = max(size for size, _ in scenes)
+    image = Image.new("RGB", (width, height), "white")
+    pen = ImageDraw.Draw(image)
+    pen.line([(left, 10), (left, height - below), (width - 10, height - below)], fill="black")
+    for n, (label, values) in enumerate(curves.items()):
+        colour = ("#0b6e6e", "#c0562b")[n]
+        top = max(values)
+        places = [
+            (left + size / right * (width - left - 70), height - below - value / top * (height - below - 50))
+            for (size, _), value in zip(scenes, values, strict=True)
+        ]
+        pen.line([(left, height - below), *places], fill=colour, width=2)
+        for (x, y), value in zip(places, values, strict=True):
+            pen.ellipse([x - 4, y - 4, x + 4, y + 4], fill=colour)
+            pen.text((x + 8, y - 6 + 14 * n), f"{value:,.0f}", fill=colour)
+        pen.text((left + 12, 12 + 16 * n), label, fill=colour)
+    for size, _ in scenes:
+        x = left + size / right * (width - left - 70)
+        pen.line([(x, height - below), (x, height - below + 4)], fill="black")
+        pen.text((x - 8, height - below + 8), f"{size / 1e6:.0f} M", fill="black")
+    pen.text((width - 90, height - 18), "triangles", fill="black")
+    image.save(file)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", default=MODELS, metavar="MODEL")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--plot", type=Path)
     arguments = parser.parse_args()
     results = {}
     with tempfile.TemporaryDirectory() as folder:  # compiles what is not compiled yet
@@ -85,6 +131,8 @@ def main() -> None:
             print(f"    {key:28} {text}", flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1, sort_keys=True))
+    if arguments.plot:
+        draw(results, arguments.plot)
 
 
 if __name__ == "__main__":

@@ -49,14 +49,19 @@ class Originals:
     def __init__(self, built: Built) -> None:
         self._built = built
         self._kept: dict[int, np.ndarray] = {}
+        self._last: tuple[int, Shape] | None = None
 
     def of(self, node: int) -> Shape:
         """Points (3 m, 3) and triangles (m, 3) of all leaves below a node, or of the leaf itself."""
+        if self._last and self._last[0] == node:
+            return self._last[1]
         nodes = self._built.geometry.nodes
         end = int(nodes["end"][node])
-        leaves = [i for i in range(node, end) if nodes["end"][i] == i + 1]
+        leaves = (node + np.flatnonzero(nodes["end"][node:end] == np.arange(node, end) + 1)).tolist()
         corners = np.concatenate([self._leaf(leaf) for leaf in leaves])
-        return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+        shape = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+        self._last = node, shape
+        return shape
 
     def _leaf(self, leaf: int) -> np.ndarray:
         """(m, 3, 3) corners of a leaf's triangles."""

@@ -13,3 +13,11 @@ def save_array(path: Path, array: np.ndarray) -> None:
     buffer = io.BytesIO()
     np.save(buffer, array)
     path.write_bytes(buffer.getbuffer())
+
+
+def mapped_array(path: Path) -> np.ndarray:
+    """An array that was saved, read from the file only where it is looked at. Read-only.
+
+    A plain view: each index into a numpy.memmap would make another one, many times as slow.
+    """
+    return np.load(path, mmap_mode="r").view(np.ndarray)

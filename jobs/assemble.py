@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from storage.kernels import allocating_kernel
-from storage.tables import DRAWABLE, NODE, Grid, transform_points
+from storage.tables import DRAWABLE, NODE, Grid
 
 if TYPE_CHECKING:
-    from jobs.detail.node import Level, Node
+    from jobs.detail.node import Node
 
 #: Half angles of cones are rounded up to a multiple of this, in radians: far above what differing arccos differ by.
 ANGLE_STEP = 2.0**-12
@@ -85,17 +85,19 @@ def place_node(
     axes, angles = np.empty((len(placements), count, 3)), np.empty((len(placements), count))
     for n, placement in enumerate(placements):
         for number, level in enumerate(levels):
-            positions, flipped = grid_positions(level, made.scale, placement, grid)
-            lo[n, number], hi[n, number] = _box(positions, level.triangles)
+            useful = level.one_sided and level.cone_angle < math.pi
+            lo[n, number], hi[n, number], axes[n, number], cosine = _placed(
+                level.positions, level.triangles, placement.matrix, placement.instance >= 0, made.scale, grid.step,
+                np.asarray(level.cone_axis, np.float64), useful,
+            )  # fmt: skip
+            angles[n, number] = _angle(cosine) if useful else math.pi
             error = level.error
             if placement.instance >= 0:
                 error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
             errors[n, number] = error
-            axes[n, number], angles[n, number] = _cone(level, positions, placement, flipped, level.one_sided)
     stored = float32_up(errors)
     for number in range(1, count):  # rounding must not make two levels' errors equal
         stored[:, number] = np.maximum(stored[:, number], np.nextafter(stored[:, number - 1], np.float32(np.inf)))
-    lo, hi = lo * grid.step, hi * grid.step
     drawables["error"], drawables["cone_angle"] = stored.reshape(-1), angles.reshape(-1)
     drawables["cone_axis"] = axes.reshape(-1, 3)
     drawables["lo"], drawables["hi"] = float32_down(lo).reshape(-1, 3), float32_up(hi).reshape(-1, 3)
@@ -105,14 +107,6 @@ def place_node(
     nodes["lo"] = float32_down(np.minimum(lo[:, 0] - reach, lo.min(axis=1)))
     nodes["hi"] = float32_up(np.maximum(hi[:, 0] + reach, hi.max(axis=1)))
     return nodes, drawables
-
-
-def grid_positions(level: Level, scale: float, placement: Placement, grid: Grid) -> tuple[np.ndarray, bool]:
-    """Grid coordinates (n, 3) int64 of a placed level, and whether the placement mirrors it."""
-    if placement.instance < 0:
-        return level.positions.astype(np.int64), False
-    points = transform_points(placement.matrix, level.positions * np.float64(scale))
-    return grid.snap(points).astype(np.int64), _determinant(placement.matrix) < 0
 
 
 def join_rows(rows: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
@@ -179,84 +173,76 @@ def float32_down(values: np.ndarray | float) -> np.ndarray:
     return np.where(near > exact, np.nextafter(near, np.float32(-np.inf)), near)
 
 
-def _cone(
-    level: Level, positions: np.ndarray, placement: Placement, flipped: bool, one_sided: bool
-) -> tuple[np.ndarray, float]:
-    """Axis and half angle of a cone around the normals of a level's triangles as they are placed."""
-    axis = np.asarray(level.cone_axis, np.float64)
-    if not one_sided or level.cone_angle >= math.pi:
-        return axis.astype(np.float32), math.pi
-    if placement.instance >= 0:
-        axis = _turn_normal(placement.matrix, axis)
-    axis = (axis / max(float(_length(axis[None])[0]), 1e-300)).astype(np.float32).astype(np.float64)
-    cosine = _least_cosine(positions, level.triangles, -axis if flipped else axis)
-    if cosine > 1e300 or not axis.any():
-        return axis, math.pi
-    cosine /= float(_length(axis[None])[0])
+def _angle(cosine: float) -> float:
+    """The half angle of a cone, rounded up, from the least cosine between its axis and a normal; pi where infinite."""
+    if not cosine < np.inf:
+        return math.pi
     angle = math.acos(min(1.0, max(-1.0, cosine)))
-    return axis, min(math.pi, math.ceil((angle + 1e-6) / ANGLE_STEP) * ANGLE_STEP)
+    return min(math.pi, math.ceil((angle + 1e-6) / ANGLE_STEP) * ANGLE_STEP)
 
 
 @allocating_kernel()
-def _box(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The box lo, hi (3,) int64 of triangles (m, 3) over positions (n, 3) int64."""
-    lo, hi = positions[triangles[0, 0]].copy(), positions[triangles[0, 0]].copy()
-    for t in range(len(triangles)):
-        for e in range(3):
-            for c in range(3):
-                p = positions[triangles[t, e], c]
-                lo[c], hi[c] = min(lo[c], p), max(hi[c], p)
-    return lo, hi
+def _placed(
+    positions: np.ndarray,
+    triangles: np.ndarray,
+    matrix: np.ndarray,
+    moved: bool,
+    scale: float,
+    step: float,
+    axis: np.ndarray,
+    cone: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """What a placed mesh claims: box lo, hi (3,), its cone's axis (3,), the least cosine between that and normals.
 
-
-@allocating_kernel()
-def _least_cosine(positions: np.ndarray, triangles: np.ndarray, axis: np.ndarray) -> float:
-    """The least product of an axis (3,) with the unit normal of a triangle (m, 3) over positions (n, 3) int64.
-
-    Infinite if no triangle has an area.
+    positions (n, 3) int32 times scale, moved by a matrix (3, 4) if `moved`, lie on the grid of `step` as the store
+    gives them out (storage.tables: `transform_points`, `Grid.snap`). axis (3,): of the mesh's own cone, of float32
+    precision in the result; without `cone` it is left as it is. The cosine is infinite if no triangle has an area.
     """
-    least = np.inf
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux, uy, uz = (
-            positions[b, 0] - positions[a, 0],
-            positions[b, 1] - positions[a, 1],
-            positions[b, 2] - positions[a, 2],
-        )
-        vx, vy, vz = (
-            positions[c, 0] - positions[a, 0],
-            positions[c, 1] - positions[a, 1],
-            positions[c, 2] - positions[a, 2],
-        )
-        x, y, z = np.float64(uy * vz - uz * vy), np.float64(uz * vx - ux * vz), np.float64(ux * vy - uy * vx)
-        length = np.sqrt((x * x + y * y) + z * z)
-        if length > 0.0:
-            least = min(least, (x * axis[0] + y * axis[1] + z * axis[2]) / length)
-    return least
-
-
-def _length(vectors: np.ndarray) -> np.ndarray:
-    return np.sqrt((vectors[:, 0] ** 2 + vectors[:, 1] ** 2) + vectors[:, 2] ** 2)
-
-
-def _cofactors(matrix: np.ndarray) -> np.ndarray:
-    """(3, 3): determinant times the inverse's transpose; turns normals."""
-    m = np.asarray(matrix, np.float64)[:, :3]
-    result = np.empty((3, 3))
+    n, m = len(positions), len(triangles)
+    points = np.empty((n, 3), np.int64)
+    for v in range(n):
+        if moved:
+            x, y, z = positions[v, 0] * scale, positions[v, 1] * scale, positions[v, 2] * scale
+            for i in range(3):
+                at = ((matrix[i, 0] * x + matrix[i, 1] * y) + matrix[i, 2] * z) + matrix[i, 3]
+                points[v, i] = np.int64(np.rint(at * (1.0 / step)))
+        else:
+            for i in range(3):
+                points[v, i] = positions[v, i]
+    lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
+    for t in range(m):
+        for e in range(3):
+            for i in range(3):
+                p = points[triangles[t, e], i] * step
+                lo[i], hi[i] = min(lo[i], p), max(hi[i], p)
+    turned = axis.copy()
+    if not cone:
+        return lo, hi, turned, np.inf
+    sign = 1.0
+    if moved:
+        cofactors = np.empty((3, 3))
+        for i in range(3):
+            for j in range(3):
+                r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+                cofactors[i, j] = matrix[r, t] * matrix[s, u] - matrix[r, u] * matrix[s, t]
+        determinant = (matrix[0, 0] * cofactors[0, 0] + matrix[0, 1] * cofactors[0, 1]) + matrix[0, 2] * cofactors[0, 2]
+        if determinant < 0.0:
+            sign = -1.0
+        for i in range(3):
+            turned[i] = sign * ((cofactors[i, 0] * axis[0] + cofactors[i, 1] * axis[1]) + cofactors[i, 2] * axis[2])
+    length = max(np.sqrt((turned[0] * turned[0] + turned[1] * turned[1]) + turned[2] * turned[2]), 1e-300)
     for i in range(3):
-        for j in range(3):
-            r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            result[i, j] = m[r, t] * m[s, u] - m[r, u] * m[s, t]
-    return result
-
-
-def _determinant(matrix: np.ndarray) -> float:
-    m, c = np.asarray(matrix, np.float64), _cofactors(matrix)
-    return float((m[0, 0] * c[0, 0] + m[0, 1] * c[0, 1]) + m[0, 2] * c[0, 2])
-
-
-def _turn_normal(matrix: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The direction that is outward on a placed surface where `normal` (3,) was outward on the mesh; not unit."""
-    c = _cofactors(matrix)
-    turned = (c[:, 0] * normal[0] + c[:, 1] * normal[1]) + c[:, 2] * normal[2]
-    return -turned if _determinant(matrix) < 0 else turned
+        turned[i] = np.float64(np.float32(turned[i] / length))
+    length = np.sqrt((turned[0] * turned[0] + turned[1] * turned[1]) + turned[2] * turned[2])
+    if length == 0.0:
+        return lo, hi, turned, np.inf
+    least = np.inf
+    for t in range(m):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        x, y, z = np.float64(uy * vz - uz * vy), np.float64(uz * vx - ux * vz), np.float64(ux * vy - uy * vx)
+        area = np.sqrt((x * x + y * y) + z * z)
+        if area > 0.0:
+            least = min(least, sign * (x * turned[0] + y * turned[1] + z * turned[2]) / area)
+    return lo, hi, turned, least / length

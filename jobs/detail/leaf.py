@@ -18,6 +18,7 @@ import numpy as np
 
 from jobs.detail.borders import same_places
 from jobs.detail.closest import make_surface
+from jobs.detail.displacement import placed
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, level_of
@@ -132,7 +133,7 @@ def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
 def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offer:
     """A shared leaf's offer, in its own space on a grid of `scale`, as the member's part places it on the model's."""
     assert member.matrix is not None
-    points = np.rint(transform_points(member.matrix, offer.points * np.float64(scale)) / step).astype(np.int32)
+    points = placed(offer.points, scale, member.matrix, step)
     triangles, colours = offer.triangles, offer.colours
     if _mirrors(member.matrix):
         triangles = np.ascontiguousarray(triangles[:, ::-1])
@@ -215,8 +216,7 @@ def _locks(member: Member, scale: float) -> Locks:
     ids = pieces.touching[pieces.touching_start[member.piece] : pieces.touching_start[member.piece + 1]]
     points = pieces.shared_points[ids]
     if member.matrix is not None:
-        local = points * np.float64(pieces.pieces["scale"][member.piece])
-        points = np.rint(transform_points(member.matrix, local) / scale).astype(np.int32)
+        points = placed(points, float(pieces.pieces["scale"][member.piece]), member.matrix, scale)
     if member.leaf_of is None or len(ids) == 0:
         return Locks(points, np.full(len(ids), ALWAYS), np.full(len(ids), ALWAYS))
     starts, ends = pieces.sharing_start[ids], pieces.sharing_start[ids + 1]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.arrays import save_array
+from jobs.arrays import mapped_array, save_array
 from jobs.detail.attributes import corner_normals, keep_given_normals
 from jobs.detail.closest import make_surface
 from jobs.detail.displacement import group_maximum, snapped
@@ -77,7 +77,7 @@ def save_pieces(folder: Path, pieces: PieceSet) -> None:
 
 def open_pieces(folder: Path) -> PieceSet:
     """A set that was saved, mapped into memory."""
-    return PieceSet(**{field.name: np.load(folder / f"{field.name}.npy", mmap_mode="r") for field in fields(PieceSet)})
+    return PieceSet(**{field.name: mapped_array(folder / f"{field.name}.npy") for field in fields(PieceSet)})
 
 
 def plan_chunks(model: Model, triangles: int) -> list[list[int]]:

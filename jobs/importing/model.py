@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from jobs.arrays import mapped_array
 from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
 from storage.errors import ModelError
 from storage.tables import Grid
@@ -111,7 +112,7 @@ def open_model(path: Path) -> Model:
         header = json.loads((path / "model.json").read_text("ascii"))
         if header["format"] != FORMAT:
             raise ModelError(f"{path}: an imported model of another version of vLOD; import the files again")
-        arrays = {name: np.load(path / f"{name}.npy", mmap_mode="r") for name in COLUMNS}
+        arrays = {name: mapped_array(path / f"{name}.npy") for name in COLUMNS}
         meshes, parts = np.load(path / "meshes.npy"), np.load(path / "parts.npy")
         if meshes.dtype != MESH or parts.dtype != PART:
             raise ValueError("unexpected columns")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.arrays import save_array
+from jobs.arrays import mapped_array, save_array
 from jobs.stages import CELLS, LAYOUT, TABLES
 from jobs.stages.detail import SECTION
 from jobs.tasks import Assignment, Json, content_of_arrays
@@ -71,13 +71,13 @@ def write_cells(work: Assignment) -> dict[str, Any]:
     starts = np.load(layout / "starts.npy")
     number = work.payload["shard"]
     first, end = int(starts[number]), int(starts[number + 1])
-    pairs = np.load(layout / "pairs.npy", mmap_mode="r")
+    pairs = mapped_array(layout / "pairs.npy")
     pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
     sets: dict[int, np.ndarray] = {}
     cells = np.zeros(0)
     for other, key in zip(work.payload["needs"], work.places["cells"], strict=True):
         folder = work.place.result(CELLS.name, key)
-        offsets, ids = np.load(folder / "offsets.npy"), np.load(folder / "ids.npy", mmap_mode="r")
+        offsets, ids = np.load(folder / "offsets.npy"), mapped_array(folder / "ids.npy")
         for at in range(len(offsets) - 1):
             sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
         if other == number:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.arrays import save_array
+from jobs.arrays import mapped_array, save_array
 from jobs.stages import HIERARCHY, IMPORT, PIECES
 from jobs.tasks import Assignment, Json, content_of_arrays
 from jobs.workplace import Workplace
@@ -134,7 +134,7 @@ class Shapes:
         """The result of a task, mapped into memory."""
         folder = place.result(HIERARCHY.name, key)
         names = Shapes.__dataclass_fields__
-        return Shapes(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in names})
+        return Shapes(**{name: mapped_array(folder / f"{name}.npy") for name in names})
 
     def object_of_placed(self) -> np.ndarray:
         """The object (p,) int64 of each placed piece."""

@@ -67,7 +67,7 @@ FORMAT = 1
 IDENTITY = np.eye(3, 4)
 
 #: Positions that are transformed at once.
-_BATCH = 1 << 20
+_BATCH = 1 << 17
 
 #: Coordinates farther than this many extents from zero are brought near it by an origin.
 _FAR = 4.0

@@ -72,7 +72,7 @@ _Columns = dict[str, np.ndarray | _List]
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a PLY file. Raises ModelError if it is cut short or its header cannot be understood."""
     data = whole(content)
-    order, elements, texture, start = _header(file, data)
+    order, elements, texture, start = read_header(file, data)
     found = _text(file, data[start:], elements) if order is None else _binary(file, data, start, order, elements)
     mesh = _mesh(file, found, elements, texture, resources)
     if mesh is None:
@@ -80,7 +80,7 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     return SourceScene(file, [mesh], [SourceNode(0, mesh.name, IDENTITY)])
 
 
-def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
+def read_header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
     """Byte order (None: text), elements, texture file and where the data starts."""
     if not content.startswith(b"ply"):
         raise ModelError(f"{file}: not a PLY file, it does not start with ply; check its extension or export it again")

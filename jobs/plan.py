@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from jobs import stages
-from jobs.inputs import content_of, total_bytes
+from jobs.errors import MemoryLimitError
+from jobs.inputs import content_of
+from jobs.memory import format_size
 from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
 from jobs.stages.cells import shards_needed
@@ -27,9 +29,6 @@ NODES_TRIANGLES = 150_000
 #: What a process of a job holds before it does anything (interpreter, numpy, compiled kernels), in bytes.
 PROCESS = 400 << 20
 
-#: Bytes for each byte of the input files while they are imported.
-IMPORT_PER_BYTE = 20
-
 #: Bytes for each triangle of a chunk while its pieces are found.
 PIECES_PER_TRIANGLE = 1000
 
@@ -43,15 +42,34 @@ DETAIL_PER_TRIANGLE = 1500
 CELLS_PER_TRIANGLE = 900
 
 
+#: What, beside more memory, helps a stage whose task needs too much.
+CURES = {
+    stages.IMPORT.name: "part the largest mesh, or the file, in the program that wrote it",
+    stages.PIECES.name: "part the largest mesh in the program that wrote it",
+    stages.SHARED.name: "part the largest mesh in the program that wrote it",
+}
+
+
+def too_large(task: Task, most: int) -> MemoryLimitError:
+    """The error for a task that needs more than the `most` bytes that are allowed."""
+    need, cure = format_size(task.memory), CURES.get(task.stage.name)
+    return MemoryLimitError(
+        f"a task of stage {task.stage.name!r} needs about {need} of memory, and {format_size(most)} are allowed: "
+        f"allow --memory {need}" + (f", or {cure}" if cure is not None else "")
+    )
+
+
 def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
-    """The import of a model: keyed by the content of its files."""
+    """The import of a model: keyed by the content of its files. Raises ModelError for inputs that name no model."""
+    from jobs.import_memory import import_memory
+
     payload = {
         "files": content_of(inputs),
         "names": [path.name for path in inputs],
         "options": {"units": parameters.units, "up": parameters.up},
     }
     places = {"inputs": [str(path.absolute()) for path in inputs]}
-    return Task(stages.IMPORT, payload, places, PROCESS + IMPORT_PER_BYTE * total_bytes(inputs))
+    return Task(stages.IMPORT, payload, places, PROCESS + import_memory(inputs))
 
 
 def pieces_tasks(place: Workplace, imported: TaskResult, parameters: BuildParameters) -> Iterator[Task]:

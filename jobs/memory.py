@@ -44,7 +44,7 @@ def format_size(size: int) -> str:
     """An amount of memory for people, in MiB or GiB, rounded up: as `parse_size` reads it."""
     if size < 1 << 30:
         return f"{math.ceil(size / (1 << 20))}MiB"
-    return f"{math.ceil(size / (1 << 30) * 10) / 10:g}GiB"
+    return f"{math.ceil(size / (1 << 30) * 10) / 10:.1f}".removesuffix(".0") + "GiB"
 
 
 def reset_peak() -> None:

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 
+import jobs.cells
 from jobs.errors import MemoryLimitError, WorkInUseError
 from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
@@ -122,6 +123,22 @@ def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tm
     assert shards(store) == shards(built[0])
     assert (store / "manifest.json").read_bytes() == (built[0] / "manifest.json").read_bytes()
     assert build([model], store, PARAMETERS, SerialExecutor(), memory=1).tasks_run == 0
+
+
+def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
+    model, built, tmp_path, monkeypatch
+):
+    crowded = jobs.cells._is_crowded
+    seen = []
+
+    def noted(*arguments):
+        seen.append(crowded(*arguments))
+        return False
+
+    monkeypatch.setattr("jobs.cells._is_crowded", noted)
+    build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
+    assert any(seen)
+    assert shards(tmp_path / "store") == shards(built[0])
 
 
 def test_another_place_gives_the_same_bytes(model, built, tmp_path):

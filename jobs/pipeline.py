@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -73,12 +73,9 @@ def build(
         space = view_space(parameters, lo, hi, origin)
 
         cell_parameters = plan.cell_parameters(parameters, space, angle)
-        triangles = int(tables.record["counts"]["finest_triangles"])
-
-        def cells_below(keys: Iterable[int]) -> Iterator[Task]:
-            return (plan.cells_task(tables, key, cell_parameters, triangles) for key in keys)
-
-        waves = run.all(stages.CELLS, cells_below([ROOT]), lambda result: cells_below(result.record["open_keys"]))
+        section = geometry_section_of(place, tables.key)
+        subtrees = plan.CellsPlan(place, tables, section, cell_parameters)
+        waves = run.all(stages.CELLS, subtrees.below([ROOT]), lambda result: subtrees.below(result.record["open_keys"]))
         cells = sorted(
             (wave for wave in waves if wave.record["cells"]), key=lambda wave: int(wave.task.payload["root"])
         )
@@ -88,7 +85,6 @@ def build(
         shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
 
         names = [str(shard.record["shards"][0][0]) for shard in shards]
-        section = geometry_section_of(place, tables.key)
         manifest = Manifest(
             model=model,
             pixel_angle=angle,

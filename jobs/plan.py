@@ -27,8 +27,10 @@ PIECES_TRIANGLES = 500_000
 #: Triangles that a task on nodes works on: some ten seconds of work.
 NODES_TRIANGLES = 150_000
 
-#: What a process of a job holds before it does anything (interpreter, numpy, compiled kernels), in bytes.
-PROCESS = 400 << 20
+#: What a process of a job holds before it does anything (interpreter, numpy, kernels), in bytes. Measured: 200 MiB, and
+#: 620 where it has compiled the kernels itself. An import has none: 100 MiB.
+PROCESS = 640 << 20
+IMPORT_PROCESS = 200 << 20
 
 #: Bytes for each triangle of a chunk while its pieces are found. Measured: 190 of small meshes, 290 of one large mesh.
 PIECES_PER_TRIANGLE = 400
@@ -83,7 +85,7 @@ def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
         "options": {"units": parameters.units, "up": parameters.up},
     }
     places = {"inputs": [str(path.absolute()) for path in inputs]}
-    return Task(stages.IMPORT, payload, places, PROCESS + import_memory(inputs))
+    return Task(stages.IMPORT, payload, places, IMPORT_PROCESS + import_memory(inputs))
 
 
 def pieces_tasks(place: Workplace, imported: TaskResult, parameters: BuildParameters) -> Iterator[Task]:

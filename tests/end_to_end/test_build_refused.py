@@ -59,7 +59,7 @@ def test_a_file_that_is_no_model(tmp_path):
 def test_too_little_memory_names_what_suffices(model, tmp_path):
     said = refused("build", model, tmp_path / "store", "--memory", "100MB")
     assert "import" in said
-    assert "--memory 4" in said
+    assert "--memory 2" in said
     assert "lots" in refused("build", model, tmp_path / "store", "--memory", "lots")
 
 

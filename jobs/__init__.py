@@ -8,7 +8,8 @@ Read in this order:
     assemble       levels and their placements to the store's nodes and drawables
     visibility/    what can be seen from a cell
     cells          subtrees of view cells
-    pipeline       all of the above in order; stages/ holds the work of each task, plan their keys and sizes
+    pipeline       all of the above in order; stages/ holds the work of each task, plan their keys and sizes,
+                   import_memory the size of an import
     tasks          what a task is, when it is finished; workplace holds their results, arrays writes them
     executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray);
                    choose_executor: which of them

@@ -60,11 +60,9 @@ def compute_subtree(
 
     The octree's own root is worked out too; any other root is known to need splitting.
     """
-    top = octree.depth(root_key)
-    bottom = min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)
-    first = [root_key] if root_key == octree.ROOT else _children_in_view(root_key, parameters)
-    candidates = _descendants(first, bottom, parameters)
-    cuts = {key: _cut(store, key, parameters) for key in candidates}
+    first = _first_keys(root_key, parameters)
+    bottom = _bottom(root_key, parameters)
+    cuts = _cuts(store, root_key, parameters)
     engine = Engine(_gather(store, cuts, parameters.engine.cluster_size), parameters.engine)
 
     records: list[np.ndarray] = []
@@ -76,7 +74,7 @@ def compute_subtree(
         key = pending.pop()
         deep = octree.depth(key)
         may_split = deep < parameters.max_depth
-        outcome = _compute_cell(store, engine, key, cuts[key], parameters, may_split)
+        outcome = _compute_cell(store, engine, key, cuts[key], parameters, may_split) if key in cuts else None
         done += 1
         if outcome is not None:
             records.append(outcome[0])
@@ -91,6 +89,12 @@ def compute_subtree(
     offsets = np.concatenate([[0], np.cumsum([len(s) for s in sets], dtype=np.int64)]).astype(np.int64)
     ids = np.concatenate(sets).astype(np.uint32) if sets else np.zeros(0, np.uint32)
     return SubtreeResult(cells, offsets, ids, open_keys)
+
+
+def triangles_needed(store: Geometry, root_key: int, parameters: CellParameters) -> int:
+    """Triangles that `compute_subtree` reads and holds for a key."""
+    counts = store.drawables["triangles"]
+    return int(counts[_used(store, _cuts(store, root_key, parameters))].sum(dtype=np.int64))
 
 
 def levels_of_task(top: int, max_depth: int) -> int:
@@ -114,14 +118,40 @@ def _children_in_view(key: int, parameters: CellParameters) -> list[int]:
     return [int(k) for k in keys[touches]]
 
 
-def _descendants(keys: list[int], bottom: int, parameters: CellParameters) -> list[int]:
-    """The keys and all below them down to depth `bottom` that touch the view box."""
-    found = list(keys)
-    level = list(keys)
+def _first_keys(root_key: int, parameters: CellParameters) -> list[int]:
+    """The topmost cells that the task below a key may give."""
+    return [root_key] if root_key == octree.ROOT else _children_in_view(root_key, parameters)
+
+
+def _bottom(root_key: int, parameters: CellParameters) -> int:
+    """The depth of the last cells that the task below a key works out."""
+    top = octree.depth(root_key)
+    return min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)
+
+
+def _cuts(store: Geometry, root_key: int, parameters: CellParameters) -> dict[int, np.ndarray]:
+    """The cuts of the cells that the task below a key may give: those that touch the view box and are not crowded."""
+    cuts: dict[int, np.ndarray] = {}
+    bottom = _bottom(root_key, parameters)
+    level = _first_keys(root_key, parameters)
     while level:
+        for key in level:
+            cut = _cut(store, key, parameters)
+            if octree.depth(key) == parameters.max_depth or not _is_crowded(store, key, cut, parameters):
+                cuts[key] = cut
         level = [c for k in level if octree.depth(k) < bottom for c in _children_in_view(k, parameters)]
-        found.extend(level)
-    return found
+    return cuts
+
+
+def _is_crowded(store: Geometry, key: int, cut: np.ndarray, parameters: CellParameters) -> bool:
+    """Whether drawables that lie inside a cell with their whole box, and so are seen, are too many already.
+
+    Such a cell is split, and no triangle needs to be read to know it.
+    """
+    rows = store.drawables[cut]
+    lo, hi = parameters.octree.box(key)
+    inside = ((rows["lo"] > lo) & (rows["hi"] < hi)).all(axis=1)
+    return int(rows["triangles"][inside].sum(dtype=np.int64)) > parameters.triangles_per_cell
 
 
 def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
@@ -134,10 +164,7 @@ def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
 
 def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> Soup:
     """The triangles of all drawables that occur in any of the cuts."""
-    used = np.zeros(len(store.drawables), np.bool_)
-    for cut in cuts.values():
-        used[cut] = True
-    ids = np.flatnonzero(used)
+    ids = _used(store, cuts)
     rows = store.drawables[ids]
 
     surfaces = store.surfaces(ids)
@@ -145,6 +172,14 @@ def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> 
         ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
         surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
     )  # fmt: skip
+
+
+def _used(store: Geometry, cuts: dict[int, np.ndarray]) -> np.ndarray:
+    """Ids (n,) int64, sorted, of all drawables that occur in any of the cuts."""
+    used = np.zeros(len(store.drawables), np.bool_)
+    for cut in cuts.values():
+        used[cut] = True
+    return np.flatnonzero(used)
 
 
 def _compute_cell(

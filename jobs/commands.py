@@ -16,6 +16,17 @@ import click
 _BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
 
 
+class _Size(click.ParamType):
+    """An amount of memory, in bytes."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:  # noqa: ARG002
+        from jobs.memory import parse_size
+
+        return parse_size(str(value))
+
+
 class _Corners(click.Option):
     """An option of six numbers, shown by their names."""
 
@@ -95,6 +106,15 @@ class _Corners(click.Option):
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks at once on Ray. Default: all cores.")
 @click.option("--ray-address", metavar="ADDRESS", help="Join this Ray cluster. Default: start Ray on this machine.")
 @click.option(
+    "--memory",
+    type=_Size(),
+    metavar="SIZE",
+    default="2GiB",
+    show_default=True,
+    help="What one task may need, such as 4GiB or 1500MB. What would need more is refused before it begins. Changes no "
+    "result.",
+)
+@click.option(
     "--work",
     type=click.Path(path_type=Path, file_okay=False),
     help="Directory for finished tasks, on the store's disk; needless after the build. Default: STORE/work.",
@@ -108,6 +128,7 @@ def build(
     executor: str,
     workers: int | None,
     ray_address: str | None,
+    memory: int,
     work: Path | None,
     report: Path | None,
     as_json: bool,
@@ -132,7 +153,7 @@ def build(
     chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
     try:
         with progress_for() as progress:
-            done = build_store(inputs, store, parameters, chosen, progress, work)
+            done = build_store(inputs, store, parameters, chosen, progress, work, memory)
     finally:
         chosen.close()
     if report is not None:

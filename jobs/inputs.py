@@ -53,7 +53,7 @@ def _named_by(path: Path, resources: Resources) -> Iterator[str]:
     kind = path.suffix.lower()
     try:
         if kind == ".obj":
-            for library in _texts(_LIBRARY, path.read_bytes()):
+            for library in _libraries(path):
                 yield library
                 material = resources.read(library)
                 for text in _texts(_MAP, material or b""):
@@ -76,6 +76,14 @@ def _named_by(path: Path, resources: Resources) -> Iterator[str]:
 
 def _texts(pattern: re.Pattern[bytes], content: bytes) -> list[str]:
     return [text.decode("utf-8", "replace") for text in pattern.findall(content)]
+
+
+def _libraries(path: Path) -> Iterator[str]:
+    """The material libraries that an OBJ file names, found line by line."""
+    with path.open("rb") as file:
+        for line in file:
+            if b"mtllib" in line:
+                yield from _texts(_LIBRARY, line)
 
 
 def _head(path: Path) -> bytes:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +26,11 @@ import numpy as np
 from jobs import plan, stages
 from jobs.build_report import BuildReport, StageReport
 from jobs.executors import Executor, Then, no_more
-from jobs.memory import MemoryWatch
+from jobs.memory import TASK_MEMORY, MemoryWatch
 from jobs.parameters import BuildParameters, view_space
 from jobs.progress import Progress, Silent
 from jobs.stages.detail import geometry_section_of
-from jobs.tasks import Stage, Task, TaskResult
+from jobs.tasks import Stage, Task, TaskResult, find_finished
 from jobs.workplace import Workplace
 from storage.detail import pixel_angle
 from storage.errors import ParameterError
@@ -46,10 +46,12 @@ def build(
     executor: Executor,
     progress: Progress | None = None,
     work: Path | None = None,
+    memory: int = TASK_MEMORY,
 ) -> BuildReport:
     """Builds a store, or its next version, from model files.
 
-    inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default.
+    inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default;
+    memory: that a task may need, in bytes, which changes no result.
     May be interrupted or killed at any moment; the same call again goes on where it was. Raises ModelError,
     ParameterError, JobError, StoreError where the former version cannot be read, and OSError where files cannot be
     written.
@@ -63,7 +65,7 @@ def build(
     place.store.mkdir(parents=True, exist_ok=True)
     current(place.store)  # what the build will be the next version of: better to know now that it cannot be
     with place.locked(), place.cleaned(), MemoryWatch() as watch:
-        run = Run(place, executor, progress or Silent(), watch)
+        run = Run(place, executor, progress or Silent(), watch, memory)
 
         imported, tables = make_geometry(run, inputs, parameters)
         model = imported.record["model"]
@@ -71,12 +73,9 @@ def build(
         space = view_space(parameters, lo, hi, origin)
 
         cell_parameters = plan.cell_parameters(parameters, space, angle)
-        triangles = int(tables.record["counts"]["finest_triangles"])
-
-        def cells_below(keys: Iterable[int]) -> Iterator[Task]:
-            return (plan.cells_task(tables, key, cell_parameters, triangles) for key in keys)
-
-        waves = run.all(stages.CELLS, cells_below([ROOT]), lambda result: cells_below(result.record["open_keys"]))
+        section = geometry_section_of(place, tables.key)
+        subtrees = plan.CellsPlan(place, tables, section, cell_parameters)
+        waves = run.all(stages.CELLS, subtrees.below([ROOT]), lambda result: subtrees.below(result.record["open_keys"]))
         cells = sorted(
             (wave for wave in waves if wave.record["cells"]), key=lambda wave: int(wave.task.payload["root"])
         )
@@ -86,7 +85,6 @@ def build(
         shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
 
         names = [str(shard.record["shards"][0][0]) for shard in shards]
-        section = geometry_section_of(place, tables.key)
         manifest = Manifest(
             model=model,
             pixel_angle=angle,
@@ -131,7 +129,11 @@ def make_levels(run: Run, imported: TaskResult, parameters: BuildParameters) -> 
 class Run:
     """Runs stages one after the other and notes what they took."""
 
-    def __init__(self, place: Workplace, executor: Executor, progress: Progress, watch: MemoryWatch) -> None:
+    def __init__(
+        self, place: Workplace, executor: Executor, progress: Progress, watch: MemoryWatch, memory: int = TASK_MEMORY
+    ) -> None:
+        """memory: that a task may need, in bytes."""
+        self.memory = memory
         self.place = place
         self.executor = executor
         self.progress = progress
@@ -143,8 +145,12 @@ class Run:
         return self.all(task.stage, [task])[0]
 
     def all(self, stage: Stage, tasks: Iterable[Task], then: Then = no_more) -> list[TaskResult]:
-        """The results of a stage's tasks: first those of `tasks` in their order, then those that followed, by key."""
+        """The results of a stage's tasks: first those of `tasks` in their order, then those that followed, by key.
+
+        Raises MemoryLimitError for a task that would need too much memory, before it begins.
+        """
         given = list(tasks)
+        self._check(given)
         known = len(given)
         began = time.perf_counter()
         self.watch.restart()
@@ -154,6 +160,7 @@ class Run:
         def follow(result: TaskResult) -> list[Task]:
             nonlocal known
             more = list(then(result))
+            self._check(more)
             known += len(more)
             return more
 
@@ -168,6 +175,11 @@ class Run:
         self.progress.finish(f"{len(results)} task{'s' if len(results) != 1 else ''}{reused}")
         ordered = [results.pop(task.key) for task in given]
         return ordered + [results[key] for key in sorted(results)]
+
+    def _check(self, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            if task.memory > self.memory and find_finished(task, self.place) is None:
+                raise plan.too_large(task, self.memory)
 
 
 def _stage_report(stage: Stage, results: Sequence[TaskResult], seconds: float, peak: int) -> StageReport:

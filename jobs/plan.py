@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jobs import stages
-from jobs.inputs import content_of, total_bytes
+from jobs.errors import MemoryLimitError
+from jobs.inputs import content_of
+from jobs.memory import format_size
 from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
+from jobs.stages.cells import cell_parameters as cells_options
 from jobs.stages.cells import shards_needed
 from jobs.stages.model import Shapes, imported_model
 from jobs.tasks import Task, TaskResult
@@ -24,34 +27,65 @@ PIECES_TRIANGLES = 500_000
 #: Triangles that a task on nodes works on: some ten seconds of work.
 NODES_TRIANGLES = 150_000
 
-#: What a process of a job holds before it does anything (interpreter, numpy, compiled kernels), in bytes.
-PROCESS = 400 << 20
+#: What a process of a job holds before it does anything (interpreter, numpy, kernels), in bytes. Measured: 200 MiB, and
+#: 620 where it has compiled the kernels itself. An import has none: 100 MiB.
+PROCESS = 640 << 20
+IMPORT_PROCESS = 200 << 20
 
-#: Bytes for each byte of the input files while they are imported.
-IMPORT_PER_BYTE = 20
+#: Bytes for each triangle of a chunk while its pieces are found. Measured: 190 of small meshes, 290 of one large mesh.
+PIECES_PER_TRIANGLE = 400
 
-#: Bytes for each triangle of a chunk while its pieces are found.
-PIECES_PER_TRIANGLE = 1000
-
-#: Bytes for each placed piece while the hierarchy is made.
+#: Bytes for each placed piece while the hierarchy is made, and while its tables are looked into.
 HIERARCHY_PER_PIECE = 2000
+SHAPES_PER_PIECE = 400
 
-#: Bytes for each triangle of a fragment while its levels are made.
-DETAIL_PER_TRIANGLE = 1500
+#: Bytes for each triangle of a chunk, and for each placement, while levels that are shared are made. Measured: 60 a
+#: triangle, since pieces are worked on one by one.
+SHARED_PER_TRIANGLE = 300
+SHARED_PER_PLACEMENT = 1000
 
-#: Bytes for each triangle of a cut while its cells are worked out.
-CELLS_PER_TRIANGLE = 900
+#: Bytes for each triangle of a fragment while its levels are made. Measured: 600.
+DETAIL_PER_TRIANGLE = 1000
+
+#: Bytes for each node while the tables of the whole model are joined. Measured: 1,700.
+TABLES_PER_NODE = 3000
+
+#: Bytes for each triangle that cells are worked out from, and what their images take. Measured: 290 a triangle.
+CELLS_PER_TRIANGLE = 400
+CELLS_IMAGES = 100 << 20
+
+#: Bytes for each cell while all are laid out.
+LAYOUT_PER_CELL = 2000
+
+#: What, beside more memory, helps a stage whose task needs too much.
+CURES = {
+    stages.IMPORT.name: "part the largest mesh, or the file, in the program that wrote it",
+    stages.PIECES.name: "part the largest mesh in the program that wrote it",
+    stages.SHARED.name: "part the largest mesh in the program that wrote it",
+    stages.CELLS.name: "compute a smaller --region",
+}
+
+
+def too_large(task: Task, most: int) -> MemoryLimitError:
+    """The error for a task that needs more than the `most` bytes that are allowed."""
+    need, cure = format_size(task.memory), CURES.get(task.stage.name)
+    return MemoryLimitError(
+        f"a task of stage {task.stage.name!r} needs about {need} of memory, and {format_size(most)} are allowed: "
+        f"allow --memory {need}" + (f", or {cure}" if cure is not None else "")
+    )
 
 
 def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
-    """The import of a model: keyed by the content of its files."""
+    """The import of a model: keyed by the content of its files. Raises ModelError for inputs that name no model."""
+    from jobs.import_memory import import_memory
+
     payload = {
         "files": content_of(inputs),
         "names": [path.name for path in inputs],
         "options": {"units": parameters.units, "up": parameters.up},
     }
     places = {"inputs": [str(path.absolute()) for path in inputs]}
-    return Task(stages.IMPORT, payload, places, PROCESS + IMPORT_PER_BYTE * total_bytes(inputs))
+    return Task(stages.IMPORT, payload, places, IMPORT_PROCESS + import_memory(inputs))
 
 
 def pieces_tasks(place: Workplace, imported: TaskResult, parameters: BuildParameters) -> Iterator[Task]:
@@ -98,7 +132,10 @@ def shared_tasks(
                 "options": _detail_options(parameters),
             },
             {"import": imported.key, "hierarchy": hierarchy.key, "pieces": found.key},
-            PROCESS + DETAIL_PER_TRIANGLE * int(found.record["triangles"]),
+            PROCESS
+            + SHARED_PER_TRIANGLE * int(found.record["triangles"])
+            + SHARED_PER_PLACEMENT * int(hierarchy.record["counts"]["shared"])
+            + SHAPES_PER_PIECE * int(hierarchy.record["counts"]["pieces"]),
         )
 
 
@@ -125,6 +162,7 @@ class NodesPlan:
         self._above = {stop: fragment.root for fragment in self._fragments for stop in fragment.stops}
         self._by_root = {fragment.root: fragment for fragment in self._fragments}
         self._finished: dict[int, TaskResult] = {}
+        self._memory = PROCESS + SHAPES_PER_PIECE * int(hierarchy.record["counts"]["pieces"])
         self._payload = {
             "model": imported.record["model"]["digest"],
             "hierarchy": hierarchy.record["content"],
@@ -162,7 +200,7 @@ class NodesPlan:
             "below": [result.record["content"] for result in below],
         }
         places = {**self._places, "below": [result.key for result in below]}
-        return Task(stages.NODES, payload, places, PROCESS + DETAIL_PER_TRIANGLE * fragment.triangles)
+        return Task(stages.NODES, payload, places, self._memory + DETAIL_PER_TRIANGLE * fragment.triangles)
 
 
 def tables_task(imported: TaskResult, hierarchy: TaskResult, detail: Sequence[TaskResult]) -> Task:
@@ -178,7 +216,7 @@ def tables_task(imported: TaskResult, hierarchy: TaskResult, detail: Sequence[Ta
         "hierarchy": hierarchy.key,
         "detail": [[result.task.stage.name, result.key] for result in detail],
     }
-    return Task(stages.TABLES, payload, places)
+    return Task(stages.TABLES, payload, places, PROCESS + TABLES_PER_NODE * int(hierarchy.record["counts"]["nodes"]))
 
 
 def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: float) -> dict[str, Any]:
@@ -198,20 +236,37 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
     }
 
 
-def cells_task(tables: TaskResult, root: int, parameters: Mapping[str, Any], triangles: int) -> Task:
-    """The cells below one key of the octree; `triangles`: of the whole model at its finest."""
-    return Task(
-        stages.CELLS,
-        {"geometry": tables.record["content"], "root": root, "parameters": dict(parameters)},
-        {"tables": tables.key},
-        PROCESS + CELLS_PER_TRIANGLE * triangles,
-    )
+class CellsPlan:
+    """Tasks on subtrees of view cells."""
+
+    def __init__(
+        self, place: Workplace, tables: TaskResult, section: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> None:
+        """section: the manifest's on geometry; parameters: see `cell_parameters`."""
+        from storage.store import open_geometry
+
+        self._tables = tables
+        self._parameters = dict(parameters)
+        self._geometry = open_geometry(place.store, section)
+
+    def below(self, keys: Iterable[int]) -> Iterator[Task]:
+        """The tasks on the cells below some keys of the octree."""
+        from jobs.cells import triangles_needed
+
+        own = cells_options(self._parameters)
+        for key in keys:
+            payload = {"geometry": self._tables.record["content"], "root": key, "parameters": self._parameters}
+            triangles = triangles_needed(self._geometry, key, own)
+            memory = PROCESS + CELLS_IMAGES + CELLS_PER_TRIANGLE * triangles
+            yield Task(stages.CELLS, payload, {"tables": self._tables.key}, memory)
 
 
 def layout_task(cells: Sequence[TaskResult]) -> Task:
     """The order of all cells; `cells` in the order of their roots."""
     payload = {"cells": [[int(result.task.payload["root"]), result.record["content"]] for result in cells]}
-    return Task(stages.LAYOUT, payload, {"cells": [result.key for result in cells]})
+    computed = sum(int(result.record["cells"]) for result in cells)
+    places = {"cells": [result.key for result in cells]}
+    return Task(stages.LAYOUT, payload, places, PROCESS + LAYOUT_PER_CELL * computed)
 
 
 def shard_tasks(place: Workplace, layout: TaskResult, cells: Sequence[TaskResult]) -> Iterator[Task]:

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from jobs.importing.colours import DEFAULT_COLOUR, Texture, tint, to_colours
+from jobs.importing.content import Content, whole
 from jobs.importing.corners import unify
 from jobs.importing.numbers import floats_of
 from jobs.importing.resources import Resources
@@ -37,11 +38,12 @@ _NOT_TRIANGLES = ("lines", "linestrips", "points")
 _SHADERS = ("lambert", "phong", "blinn", "constant")
 
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a COLLADA file. Raises ModelError, or what the XML parser raises on damaged content."""
-    if b"<!ENTITY" in content:
+    data = whole(content)
+    if b"<!ENTITY" in data:
         raise ModelError(f"{file}: declares XML entities, which no COLLADA file needs; export the model again")
-    document = _Document(file, _parse(file, content), resources)
+    document = _Document(file, _parse(file, data), resources)
     meshes, nodes = document.placements()
     unit, up = document.frame()
     return SourceScene(file, meshes, nodes, unit, up, "y", document.tally)

@@ -1,8 +1,9 @@
 """Reader of glTF 2.0 files (.glb, .gltf).
 
-trimesh decodes the accessors; every declared size is checked against the bytes that are there before. What trimesh
-leaves out is done here: sparse accessors, normalised integers, triangle fans, colour in linear light, several
-primitives of one mesh joined into one, and the node tree multiplied out in float64.
+The file is never held: its JSON header is, and of its data what one mesh needs. Every declared size is checked against
+the bytes that are there before anything is read. Read here and not by trimesh, which decodes all accessors at once and
+leaves out sparse accessors, normalised integers, triangle fans and colour in linear light. Several primitives of one
+mesh are joined into one, and the node tree is multiplied out in float64.
 
 A mesh's primitives are concatenated in the file's order: face k of a mesh is face k - (faces of the primitives before)
 of its primitive. Meshes with equal accessors and materials are one mesh. Skins, morph targets and animations are left
@@ -11,25 +12,24 @@ at rest.
 
 from __future__ import annotations
 
-import io
+import hashlib
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jobs.importing.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
+from jobs.importing.content import Content, ContentPart
 from jobs.importing.resources import Resources
 from jobs.importing.saved import IDENTITY
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
 from storage.errors import ModelError
 
 Json = dict[str, Any]
-Buffer = bytes | memoryview
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -41,10 +41,13 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mes
 #: The most zeros that an accessor without data may stand for.
 _ZEROS = 1 << 24
 
+#: Textures are kept for the next mesh up to this many bytes of pixels.
+TEXTURES_KEPT = 1 << 26
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a glTF file. Raises ModelError, or whatever damaged content makes the parsers raise."""
-    header, chunk = _unpack(file, content)
+    header, chunk = unpack(file, content)
     version = str(header.get("asset", {}).get("version", "2.0"))
     if not version.startswith("2"):
         raise ModelError(f"{file}: glTF version {version[:20]}; only version 2 is read, convert the file")
@@ -52,36 +55,38 @@ def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
         if extension in header.get("extensionsRequired", ()):
             raise ModelError(f"{file}: compressed with {extension}, which is not read; export it without compression")
     source = _Source(file, header, _buffers(file, header, chunk, resources), resources)
+    source.check()
     tally = Tally()
-    meshes, index = _meshes(source, tally)
+    entries, index = _entries(source, tally)
+    meshes = UnreadMeshes(len(entries), lambda number: _mesh(source, *entries[number]))
     return SourceScene(file, meshes, _nodes(header, index, tally), 1.0, "y", "y", tally)
 
 
-def _unpack(file: Path, content: bytes) -> tuple[Json, memoryview | None]:
+def unpack(file: Path, content: Content) -> tuple[Json, Content | None]:
     """The JSON header and, in a .glb file, the binary chunk."""
     if file.suffix.lower() == ".gltf":
-        header = json.loads(content)
-        chunk = None
+        header = json.loads(content.part(0, content.size))
+        chunk: Content | None = None
     else:
-        if content[:4] != b"glTF":
+        if content.part(0, 4) != b"glTF":
             raise ModelError(
                 f"{file}: not a GLB file, it does not start with glTF; check its extension or export it again"
             )
-        if len(content) < 20:
-            raise _cut(file, 20, len(content))
-        version, total, length = (int(n) for n in np.frombuffer(content, "<u4", 3, 4))
+        if content.size < 20:
+            raise _cut(file, 20, content.size)
+        version, total, length = (int(n) for n in np.frombuffer(content.part(4, 16), "<u4"))
         if version != 2:
             raise ModelError(f"{file}: GLB version {version}; only version 2 is read, convert the file")
-        if total > len(content) or 20 + length > len(content):
-            raise _cut(file, max(total, 20 + length), len(content))
-        header = json.loads(content[20 : 20 + length])
+        if total > content.size or 20 + length > content.size:
+            raise _cut(file, max(total, 20 + length), content.size)
+        header = json.loads(content.part(20, 20 + length))
         start, chunk = 20 + length, None
-        while start + 8 <= len(content) and chunk is None:
-            length = int.from_bytes(content[start : start + 4], "little")
-            kind = content[start + 4 : start + 8]
-            if start + 8 + length > len(content):
-                raise _cut(file, start + 8 + length, len(content))
-            chunk = memoryview(content)[start + 8 : start + 8 + length] if kind == b"BIN\0" else None
+        while start + 8 <= content.size and chunk is None:
+            head = content.part(start, start + 8)
+            length = int.from_bytes(head[:4], "little")
+            if start + 8 + length > content.size:
+                raise _cut(file, start + 8 + length, content.size)
+            chunk = ContentPart(content, start + 8, length) if head[4:] == b"BIN\0" else None
             start += 8 + length
     if not isinstance(header, dict) or "asset" not in header:
         raise ModelError(f"{file}: JSON, but not glTF (it has no asset); check its extension")
@@ -92,20 +97,20 @@ def _cut(file: Path, expected: int, found: int) -> ModelError:
     return ModelError(f"{file}: cut short, {found} of {expected} bytes are there; copy or export it again")
 
 
-def _buffers(file: Path, header: Json, chunk: memoryview | None, resources: Resources) -> list[Buffer]:
-    buffers: list[Buffer] = []
+def _buffers(file: Path, header: Json, chunk: Content | None, resources: Resources) -> list[Content]:
+    buffers: list[Content] = []
     for number, buffer in enumerate(header.get("buffers", ())):
         uri = buffer.get("uri")
-        data: Buffer | None = chunk if uri is None and number == 0 else None
+        data = chunk if uri is None and number == 0 else None
         if uri is not None:
-            data = resources.read(str(uri))
+            data = resources.open(str(uri))
         if data is None:
             name = "its binary chunk" if uri is None else f"the buffer {str(uri)[:80]!r}"
             raise ModelError(f"{file}: {name} is missing; put it into the model's folder, or export the model again")
-        if len(data) < int(buffer["byteLength"]):
+        if data.size < int(buffer["byteLength"]):
             name = "the binary chunk" if uri is None else f"the buffer {str(uri)[:80]!r}"
             raise ModelError(
-                f"{file}: {name} is cut short, {len(data)} of {buffer['byteLength']} bytes; copy or export it again"
+                f"{file}: {name} is cut short, {data.size} of {buffer['byteLength']} bytes; copy or export it again"
             )
         buffers.append(data)
     return buffers
@@ -117,47 +122,16 @@ class _Source:
 
     file: Path
     header: Json
-    buffers: list[Buffer]
+    buffers: list[Content]
     resources: Resources
-    _textures: dict[int, Texture | None] = field(default_factory=dict)
+    _textures: dict[int, Texture | None] = field(default_factory=dict)  # the one used last comes last
 
-    @cached_property
-    def _arrays(self) -> list[np.ndarray]:
-        """Every accessor's values (count, width) as they are stored, decoded by trimesh."""
-        from trimesh.exchange.gltf import load_gltf
-
-        accessors = []
+    def check(self) -> None:
+        """Raise ModelError unless all the bytes of every accessor are there."""
         for number, accessor in enumerate(self.header.get("accessors", ())):
             self._check(number, accessor)
-            accessors.append({key: value for key, value in accessor.items() if key != "sparse"})
-        for number, accessor in enumerate(self.header.get("accessors", ())):
-            if "sparse" in accessor:
-                for extra in _patches(accessor):
-                    self._check(number, extra)
-                    accessors.append(extra)
-        if not accessors:
-            return []
-        # a triangle at zero carries all accessors as attributes of its own, which come back untouched
-        place = {"componentType": 5126, "type": "VEC3", "count": 3}
-        attributes = {"POSITION": len(accessors), **{f"_{i}": i for i in range(len(accessors))}}
-        header = {
-            "asset": {"version": "2.0"},
-            "buffers": [{"uri": str(i), "byteLength": len(data)} for i, data in enumerate(self.buffers)],
-            "bufferViews": self.header.get("bufferViews", []),
-            "accessors": [*accessors, place],
-            "meshes": [{"name": "all", "primitives": [{"attributes": attributes}]}],
-        }
-        content = io.BytesIO(json.dumps(header).encode())
-        found = load_gltf(content, resolver={str(i): data for i, data in enumerate(self.buffers)}, skip_materials=True)
-        decoded = found["geometry"]["all"]["vertex_attributes"]
-        arrays = [decoded[f"_{i}"].reshape(entry["count"], _WIDTHS[entry["type"]]) for i, entry in enumerate(accessors)]
-        patches = iter(range(len(self.header["accessors"]), len(arrays)))
-        for number, accessor in enumerate(self.header["accessors"]):
-            if "sparse" in accessor:
-                arrays[number] = arrays[number].copy()
-                places, values = arrays[next(patches)], arrays[next(patches)]
-                arrays[number][places[:, 0]] = values
-        return arrays
+            for extra in _patches(accessor) if "sparse" in accessor else ():
+                self._check(number, extra)
 
     def _check(self, number: int, accessor: Json) -> None:
         """Raise ModelError unless all the bytes of an accessor are there."""
@@ -180,7 +154,7 @@ class _Source:
             and isinstance(stride, int)
             and stride > 0
         )
-        if not sane or needed > length or start + length > len(self.buffers[_at(view["buffer"])]):
+        if not sane or needed > length or start + length > self.buffers[_at(view["buffer"])].size:
             raise ModelError(
                 f"{self.file}: accessor {number} ({count} items) reaches beyond the file's data; "
                 "the file is damaged or cut short, export it again"
@@ -188,30 +162,61 @@ class _Source:
 
     def integers(self, accessor: int) -> np.ndarray:
         """An accessor's values as int64, in one row."""
-        return self._arrays[_at(accessor)].reshape(-1).astype(np.int64)
+        return self._values(accessor).reshape(-1).astype(np.int64)
 
     def floats(self, accessor: int) -> np.ndarray:
         """An accessor's values (count, width) as float64; normalised integers become -1 to 1 or 0 to 1."""
-        values = self._arrays[_at(accessor)]
+        values = self._values(accessor)
         if self.header["accessors"][accessor].get("normalized") and values.dtype.kind in "iu":
             return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
         return values.astype(np.float64)
 
+    def _values(self, number: int) -> np.ndarray:
+        """An accessor's values (count, width) as they are stored."""
+        accessor = self.header["accessors"][_at(number)]
+        values = self._stored(accessor)
+        if "sparse" in accessor:
+            values = values.copy()
+            places, changed = (self._stored(extra) for extra in _patches(accessor))
+            values[places[:, 0]] = changed
+        return values
+
+    def _stored(self, accessor: Json) -> np.ndarray:
+        """The same without what a sparse accessor changes; read from the file now."""
+        shape = (accessor["count"], _WIDTHS[accessor["type"]])
+        dtype = np.dtype(_COMPONENTS[accessor["componentType"]])
+        if "bufferView" not in accessor or not shape[0]:
+            return np.zeros(shape, dtype)
+        view = self.header["bufferViews"][_at(accessor["bufferView"])]
+        item = dtype.itemsize * shape[1]
+        stride = view.get("byteStride", item)
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        data = self.buffers[_at(view["buffer"])].part(start, start + (shape[0] - 1) * stride + item)
+        return np.ndarray(shape, dtype, data, strides=(stride, dtype.itemsize))
+
     def texture(self, number: int) -> Texture | None:
         """A texture's image, None if it is missing or cannot be read."""
-        if number not in self._textures:
-            entry = self.header["textures"][_at(number)]
-            source = entry.get("source", entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
-            image = {} if source is None else self.header["images"][_at(source)]
-            data: Buffer | None = None
-            if "bufferView" in image:
-                view = self.header["bufferViews"][_at(image["bufferView"])]
-                start = view.get("byteOffset", 0)
-                data = self.buffers[_at(view["buffer"])][start : start + view["byteLength"]]
-            elif "uri" in image:
-                data = self.resources.read(str(image["uri"]))
-            self._textures[number] = Texture.decode(None if data is None else bytes(data))
+        if number in self._textures:
+            self._textures[number] = self._textures.pop(number)
+        else:
+            self._textures[number] = Texture.decode(self._image(number))
+            while len(self._textures) > 1 and self._pixels() > TEXTURES_KEPT:
+                del self._textures[next(iter(self._textures))]
         return self._textures[number]
+
+    def _pixels(self) -> int:
+        return sum(texture.pixels.nbytes for texture in self._textures.values() if texture is not None)
+
+    def _image(self, number: int) -> bytes | None:
+        """The file of a texture's image, None if it is missing."""
+        entry = self.header["textures"][_at(number)]
+        source = entry.get("source", entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
+        image = {} if source is None else self.header["images"][_at(source)]
+        if "bufferView" in image:
+            view = self.header["bufferViews"][_at(image["bufferView"])]
+            start = view.get("byteOffset", 0)
+            return self.buffers[_at(view["buffer"])].part(start, start + view["byteLength"])
+        return self.resources.read(str(image["uri"])) if "uri" in image else None
 
 
 def _at(index: Any) -> int:
@@ -228,37 +233,41 @@ def _patches(accessor: Json) -> list[Json]:
     return [{**common, "type": "SCALAR", **sparse["indices"]}, {**common, "type": accessor["type"], **sparse["values"]}]
 
 
-def _meshes(source: _Source, tally: Tally) -> tuple[list[SourceMesh], dict[int, int]]:
-    """All meshes, and which of them each mesh of the header is."""
-    meshes: list[SourceMesh] = []
+def _entries(source: _Source, tally: Tally) -> tuple[list[tuple[str, list[Json]]], dict[int, int]]:
+    """Name and primitives of all meshes with triangles, and which of them each mesh of the header is."""
+    entries: list[tuple[str, list[Json]]] = []
     index: dict[int, int] = {}
-    known: dict[str, int] = {}
+    known: dict[bytes, int] = {}
     for number, entry in enumerate(source.header.get("meshes", ())):
         name = str(entry.get("name") or f"mesh {number}")
-        key = json.dumps(entry["primitives"], sort_keys=True)
+        key = hashlib.blake2b(json.dumps(entry["primitives"], sort_keys=True).encode(), digest_size=16).digest()
         if key not in known:
-            mesh = _mesh(source, name, entry["primitives"], tally)
-            if mesh is None:
+            drawn = [primitive for primitive in entry["primitives"] if _has_triangles(source.file, primitive)]
+            tally.add(Defect.NOT_TRIANGLES, name, len(entry["primitives"]) - len(drawn))
+            if not drawn:
                 continue
-            known[key] = len(meshes)
-            meshes.append(mesh)
+            known[key] = len(entries)
+            entries.append((name, drawn))
         index[number] = known[key]
-    return meshes, index
+    return entries, index
 
 
-def _mesh(source: _Source, name: str, primitives: Sequence[Json], tally: Tally) -> SourceMesh | None:
-    """The primitives of one mesh joined, None if none has triangles."""
+def _has_triangles(file: Path, primitive: Json) -> bool:
+    for extension in _COMPRESSED:
+        if extension in primitive.get("extensions", {}):
+            raise ModelError(f"{file}: compressed with {extension}, which is not read; export it without")
+    return primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN) and "POSITION" in primitive.get(
+        "attributes", {}
+    )
+
+
+def _mesh(source: _Source, name: str, primitives: Sequence[Json]) -> SourceMesh:
+    """The primitives of one mesh joined."""
     defects: dict[Defect, int] = {}
     pieces = []
     for primitive in primitives:
-        attributes = primitive.get("attributes", {})
+        attributes = primitive["attributes"]
         mode = primitive.get("mode", _TRIANGLES)
-        for extension in _COMPRESSED:
-            if extension in primitive.get("extensions", {}):
-                raise ModelError(f"{source.file}: compressed with {extension}, which is not read; export it without")
-        if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
-            tally.add(Defect.NOT_TRIANGLES, name)
-            continue
         positions = source.floats(attributes["POSITION"])
         corners = source.integers(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
         triangles = _triangles(corners, mode)
@@ -272,8 +281,6 @@ def _mesh(source: _Source, name: str, primitives: Sequence[Json], tally: Tally) 
             normals = np.zeros(positions.shape, np.float32)
         colours = _colours(source, primitive, positions, triangles, defects)
         pieces.append((positions, triangles, normals, colours))
-    if not pieces:
-        return None
     starts = np.cumsum([0, *(len(piece[0]) for piece in pieces[:-1])])
     # an index out of range must not reach into the next primitive
     shifted = [

@@ -1,12 +1,15 @@
-"""Scenes of several files become one list of repaired meshes and their placements, in the first file's frame."""
+"""Scenes of several files become one sequence of repaired meshes and their placements, in the first file's frame.
+
+One scene, and of it one mesh, is held at a time.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,74 +74,92 @@ def metres_per_unit(units: str | float) -> float:
     return value
 
 
+class Joined(NamedTuple):
+    """Scenes in one frame."""
+
+    placements: list[Placement]  # of the meshes, counted in the order in which they were handed on
+    up: str  # "x", "y" or "z"
+    unit_in_metres: float
+    report: dict[str, dict[str, Any]]  # of what was repaired
+
+
 def join_scenes(
-    scenes: Sequence[SourceScene], units: str | float | None, up: str | None
-) -> tuple[list[MeshView], list[Placement], str, float, dict[str, dict[str, Any]]]:
-    """Repaired meshes, placements, up axis, metres per unit and the report of what was repaired.
+    files: Sequence[Path],
+    scenes: Iterable[SourceScene],
+    units: str | float | None,
+    up: str | None,
+    take: Callable[[MeshView], None],
+) -> Joined:
+    """Repair the meshes of the `scenes` of some `files` and hand them to `take`, one by one.
 
     Files that do not say their unit or up axis are taken to share the first file's; `units` and `up` hold for all
-    files. A defect of a mesh counts once for each of its placements. Empties the scenes' lists of meshes as it goes, to
-    save memory. Raises ModelError if no triangle is left, ParameterError for a bad `units` or `up`.
+    files. A defect of a mesh counts once for each of its placements. Raises ModelError if no triangle is left,
+    ParameterError for a bad `units` or `up`.
     """
     if up not in (None, "x", "y", "z"):
         raise ParameterError(f"up {up!r}: expected x, y or z")
-    first = scenes[0]
-    unit = metres_per_unit(units) if units is not None else first.unit_in_metres or 1.0
-    axis = up or first.up or first.usual_up
-    folder = _common_folder([scene.file for scene in scenes])
-    meshes: list[MeshView] = []
-    placements: list[Placement] = []
-    tally = Tally()
+    unit = 0.0 if units is None else metres_per_unit(units)
+    axis = up or ""
+    folder = _common_folder(files)
+    joined = _Joining(take)
     for scene in scenes:
-        prefix = f"{scene.file.relative_to(folder).as_posix()}/" if len(scenes) > 1 else ""
-        tally.update(scene.tally, prefix)
+        unit = unit or scene.unit_in_metres or 1.0
+        axis = axis or scene.up or scene.usual_up
+        prefix = f"{scene.file.relative_to(folder).as_posix()}/" if len(files) > 1 else ""
         frame = _frame(
             1.0 if units is not None else (scene.unit_in_metres or unit) / unit,
             axis if up is not None else scene.up or axis,
             axis,
         )
         with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
-            _add_scene(scene, frame, prefix, meshes, placements, tally)
-    if not placements:
-        raise ModelError(f"{_inputs(scenes)}: no triangle is left to draw{_losses(tally)}; check the export")
-    return meshes, placements, axis, unit, tally.report()
+            joined.add(scene, frame, prefix)
+    if not joined.placements:
+        raise ModelError(f"{_inputs(files)}: no triangle is left to draw{_losses(joined.tally)}; check the export")
+    return Joined(joined.placements, axis, unit, joined.tally.report())
 
 
-def _add_scene(
-    scene: SourceScene,
-    frame: np.ndarray,
-    prefix: str,
-    meshes: list[MeshView],
-    placements: list[Placement],
-    tally: Tally,
-) -> None:
-    users: dict[int, list[int]] = {}
-    for number, node in enumerate(scene.nodes):
-        users.setdefault(node.mesh, []).append(number)
-    placed: dict[int, Placement] = {}
-    for index in range(len(scene.meshes)):
-        if index not in users:
-            continue
+class _Joining:
+    """Meshes handed on, and placements and defects noted, scene by scene."""
+
+    def __init__(self, take: Callable[[MeshView], None]) -> None:
+        self.placements: list[Placement] = []
+        self.tally = Tally()
+        self._take = take
+        self._meshes = 0
+
+    def add(self, scene: SourceScene, frame: np.ndarray, prefix: str) -> None:
+        """Takes a scene under a (3, 4) matrix; the names of its parts are prefixed."""
+        self.tally.update(scene.tally, prefix)
+        users: dict[int, list[int]] = {}
+        for number, node in enumerate(scene.nodes):
+            users.setdefault(node.mesh, []).append(number)
+        placed: dict[int, Placement] = {}
+        for index in sorted(users):
+            mesh = self._repaired(scene, index, users[index], prefix)
+            if mesh is None:
+                continue
+            nodes = [scene.nodes[number] for number in users[index]]
+            matrices = [node.matrix if frame is IDENTITY else compose(frame, node.matrix) for node in nodes]
+            flaws = _flaws(np.stack(matrices), mesh.positions.min(axis=0), mesh.positions.max(axis=0))
+            misplaced, flat = (flaw.tolist() for flaw in flaws)
+            for at, (number, node) in enumerate(zip(users[index], nodes, strict=True)):
+                if misplaced[at] or flat[at]:
+                    self.tally.add(Defect.MISPLACED if misplaced[at] else Defect.SINGULAR, prefix + node.name)
+                else:
+                    placed[number] = Placement(self._meshes, prefix + node.name, matrices[at])
+            self._take(mesh)
+            self._meshes += 1
+        self.placements.extend(placed[number] for number in sorted(placed))
+
+    def _repaired(self, scene: SourceScene, index: int, users: Sequence[int], prefix: str) -> MeshView | None:
+        """A mesh without its defects, which are noted for each node that places it; None if nothing is left."""
         source = scene.meshes[index]
         mesh, counts = repair(source)
-        scene.meshes[index] = type(source)(source.name, np.empty((0, 3)), np.empty((0, 3), np.int64))
-        names = Counter(prefix + scene.nodes[number].name for number in users[index])
+        names = Counter(prefix + scene.nodes[number].name for number in users)
         for defect, count in (*source.defects.items(), *counts.items()):
             for name, times in names.items():
-                tally.add(defect, name, count * times)
-        if mesh is None:
-            continue
-        nodes = [scene.nodes[number] for number in users[index]]
-        matrices = [node.matrix if frame is IDENTITY else compose(frame, node.matrix) for node in nodes]
-        flaws = _flaws(np.stack(matrices), mesh.positions.min(axis=0), mesh.positions.max(axis=0))
-        misplaced, flat = (flaw.tolist() for flaw in flaws)
-        for at, (number, node) in enumerate(zip(users[index], nodes, strict=True)):
-            if misplaced[at] or flat[at]:
-                tally.add(Defect.MISPLACED if misplaced[at] else Defect.SINGULAR, prefix + node.name)
-            else:
-                placed[number] = Placement(len(meshes), prefix + node.name, matrices[at])
-        meshes.append(mesh)
-    placements.extend(placed[number] for number in sorted(placed))
+                self.tally.add(defect, name, count * times)
+        return mesh
 
 
 def _flaws(matrices: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -172,8 +193,8 @@ def _common_folder(files: Sequence[Path]) -> Path:
     return folder
 
 
-def _inputs(scenes: Sequence[SourceScene]) -> str:
-    return str(scenes[0].file) + (f" and {len(scenes) - 1} more" if len(scenes) > 1 else "")
+def _inputs(files: Sequence[Path]) -> str:
+    return str(files[0]) + (f" and {len(files) - 1} more" if len(files) > 1 else "")
 
 
 def _losses(tally: Tally) -> str:

@@ -8,10 +8,11 @@ open_model(path) -> Model                             the directory, memory-mapp
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +20,10 @@ from jobs.arrays import mapped_array
 from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
 from storage.errors import ModelError
 from storage.tables import Grid
+from storage.temporary import temporary_path
+
+if TYPE_CHECKING:
+    from jobs.importing.scene import SourceScene
 
 __all__ = [
     "MESH",
@@ -149,21 +154,35 @@ def import_model(
     """Import model files, or folders of them, into the directory `out`, which appears whole or not at all.
 
     The first file gives model space its frame; the others are scaled and turned into it. `progress(done, total)` counts
-    files, and one last step for writing. Raises ModelError, with one line that names the file, for what cannot be used.
+    files, and one last step for writing. Memory is proportional to the largest mesh, and to the largest file of a
+    format that is read whole (see `jobs.importing.read`); meshes that are done wait in a folder beside `out`. Raises
+    ModelError, with one line that names the file, for what cannot be used.
     """
     from jobs.importing.join import join_scenes
     from jobs.importing.read import find_files, read_scene
+    from jobs.importing.spool import Spool
 
     options = options or ImportOptions()
     files = find_files(inputs)
     tell = progress or (lambda _done, _total: None)
-    scenes = []
-    for done, (file, root) in enumerate(files):
-        tell(done, len(files) + 1)
-        scenes.append(read_scene(file, root))
-    tell(len(files), len(files) + 1)
-    meshes, placements, up, unit, report = join_scenes(scenes, options.units, options.up)
-    write_model(out, meshes, placements, up=up, unit_in_metres=unit, report=report)
+
+    def scenes() -> Iterator[SourceScene]:
+        for done, (file, root) in enumerate(files):
+            tell(done, len(files) + 1)
+            yield read_scene(file, root)
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    folder = temporary_path(out.parent)
+    folder.mkdir()
+    try:
+        with Spool(folder) as meshes:
+            joined = join_scenes([file for file, _ in files], scenes(), options.units, options.up, meshes.add)
+            tell(len(files), len(files) + 1)
+            write_model(
+                out, meshes, joined.placements, up=joined.up, unit_in_metres=joined.unit_in_metres, report=joined.report
+            )
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
     tell(len(files) + 1, len(files) + 1)
-    triangles = sum(len(meshes[p.mesh].triangles) for p in placements)
-    return ImportReport(len(files), len({p.mesh for p in placements}), len(placements), triangles, report)
+    model = open_model(out)
+    return ImportReport(len(files), len(model.meshes), len(model.parts), model.triangle_count, joined.report)

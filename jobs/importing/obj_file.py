@@ -6,7 +6,8 @@ triangles. Vertices are split where position, texture coordinates, normal or mat
 
 Read here and not by trimesh, which sorts faces by material, drops group names, resolves relative indices against the
 whole file, wraps or fails on indices out of range, and says nothing of missing libraries and textures. The file is read
-in chunks, and each chunk's numbers are parsed all at once.
+in chunks, and each chunk's numbers are parsed all at once. Numbers are held for the whole file, since any face may use
+any vertex; parts are made of them one by one.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.colours import DEFAULT_COLOUR, to_colours
+from jobs.importing.content import Content
 from jobs.importing.corners import unify
 from jobs.importing.numbers import integers_of, rows_of, table_of
 from jobs.importing.obj_materials import Material, read_materials
 from jobs.importing.resources import Resources
 from jobs.importing.saved import IDENTITY
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, fan
+from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, fan
 
 _CHUNK = 1 << 23
 
@@ -31,7 +33,7 @@ _CHUNK = 1 << 23
 _MOST = (1 << 31) - 1
 
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read an OBJ file."""
     tally = Tally()
     lines = _Lines(file.stem)
@@ -41,28 +43,43 @@ def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
     materials, complete = read_materials(lines.libraries, resources, tally, file.name)
     vertices = lines.vertices()
     names = list(lines.material_names)
-    meshes = [_mesh(part, vertices, names, materials, complete or not lines.libraries) for part in lines.parts()]
-    nodes = [SourceNode(i, mesh.name, IDENTITY) for i, mesh in enumerate(meshes)]
+    parts = lines.parts()
+    complete = complete or not lines.libraries
+    meshes = UnreadMeshes(
+        len(parts.names), lambda number: _mesh(parts.part(number), vertices, names, materials, complete)
+    )
+    nodes = [SourceNode(i, name, IDENTITY) for i, name in enumerate(parts.names)]
     return SourceScene(file, meshes, nodes, usual_up="y", tally=tally)
 
 
-def _chunks(content: bytes) -> Iterator[bytes]:
+def _chunks(content: Content) -> Iterator[bytes]:
     """The content in whole lines, continued lines joined."""
-    if b"\r" in content and b"\n" not in content:
-        content = content.replace(b"\r", b"\n")
-    start = 0
-    while start < len(content):
-        end = content.find(b"\n", start + _CHUNK)
-        while end > 0 and content[start:end].rstrip(b"\r").endswith(b"\\"):
-            end = content.find(b"\n", end + 1)
-        chunk = content[start:] if end < 0 else content[start : end + 1]
-        start += len(chunk)
-        if b"\\" in chunk:
-            chunk = chunk.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-        yield chunk
+    starts = range(0, content.size, _CHUNK)
+    old = not any(b"\n" in content.part(start, start + _CHUNK) for start in starts)  # lines end with \r alone
+    text = b""
+    for start in starts:
+        block = content.part(start, start + _CHUNK)
+        text += block.replace(b"\r", b"\n") if old else block
+        if (end := _end_of_lines(text)) > 0:
+            yield _joined(text[:end])
+            text = text[end:]
+    if text:
+        yield _joined(text)
 
 
-@dataclass
+def _end_of_lines(text: bytes) -> int:
+    """Where the line ends that begins or goes on at _CHUNK, with all that continue it; -1 if it does not end."""
+    end = text.find(b"\n", _CHUNK)
+    while end > 0 and text[:end].rstrip(b"\r").endswith(b"\\"):
+        end = text.find(b"\n", end + 1)
+    return end + 1 if end > 0 else -1
+
+
+def _joined(lines: bytes) -> bytes:
+    return lines.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ") if b"\\" in lines else lines
+
+
+@dataclass(frozen=True, eq=False)
 class _Part:
     """A group's faces."""
 
@@ -73,13 +90,33 @@ class _Part:
 
 
 @dataclass(frozen=True, eq=False)
+class _Parts:
+    """The groups that have faces, in the order of their first face."""
+
+    names: list[str]
+    ends: list[int]  # of each one's faces in `order`
+    order: np.ndarray  # (f,) all faces, part by part
+    counts: np.ndarray  # (f,) corners of each face
+    starts: np.ndarray  # (f,) first corner of each face
+    corners: np.ndarray  # (c, 3) see _Part
+    materials: np.ndarray  # (f,) numbers of material names
+
+    def part(self, number: int) -> _Part:
+        """One of them."""
+        faces = self.order[self.ends[number - 1] if number else 0 : self.ends[number]]
+        sizes = self.counts[faces].astype(np.int64)
+        rows = np.repeat(self.starts[faces] - (np.cumsum(sizes) - sizes), sizes) + np.arange(sizes.sum())
+        return _Part(self.names[number], sizes, self.corners[rows], self.materials[faces])
+
+
+@dataclass(frozen=True, eq=False)
 class _Vertices:
     """What corners index."""
 
     positions: np.ndarray  # (n, 3)
     places: np.ndarray  # (t, 2) texture coordinates
     normals: np.ndarray  # (k, 3)
-    colours: np.ndarray  # (n, 3) 0 to 1
+    colours: np.ndarray  # (n, 3) 0 to 1; (0, 3) if none was given
     given: np.ndarray  # (n,) bool, whether the file gave a colour
 
 
@@ -162,33 +199,32 @@ class _Lines:
 
     def vertices(self) -> _Vertices:
         """All that corners index."""
+        given = _taken(self.given, np.empty(0, bool))
+        if not given.any():
+            self.colours.clear()
         return _Vertices(
-            np.concatenate([np.empty((0, 3)), *self.positions]),
-            np.concatenate([np.empty((0, 2)), *self.places]),
-            np.concatenate([np.empty((0, 3)), *self.normals]),
-            np.concatenate([np.empty((0, 3)), *self.colours]),
-            np.concatenate([np.empty(0, bool), *self.given]),
+            _taken(self.positions, np.empty((0, 3))),
+            _taken(self.places, np.empty((0, 2))),
+            _taken(self.normals, np.empty((0, 3))),
+            _taken(self.colours, np.empty((0, 3))),
+            given,
         )
 
-    def parts(self) -> Iterator[_Part]:
-        """The groups that have faces, in the order of their first face."""
-        if not self._faces:
-            return
-        counts = np.concatenate(self.counts)
-        corners = np.concatenate(self.corners)
-        starts = np.cumsum(counts) - counts
-        first = np.array([run[0] for run in self.runs])
-        lengths = np.diff(np.append(first, len(counts)))
-        part = np.repeat([run[1] for run in self.runs], lengths)
-        material = np.repeat([run[2] for run in self.runs], lengths)
-        order = np.argsort(part, kind="stable")
-        ends = np.cumsum(np.bincount(part, minlength=len(self.part_names)))
-        for number, name in enumerate(self.part_names):
-            faces = order[ends[number - 1] if number else 0 : ends[number]]
-            if len(faces):
-                sizes = counts[faces]
-                rows = np.repeat(starts[faces] - (np.cumsum(sizes) - sizes), sizes) + np.arange(sizes.sum())
-                yield _Part(name or self.stem, sizes, corners[rows], material[faces])
+    def parts(self) -> _Parts:
+        """All groups that have faces."""
+        counts = _taken(self.counts, np.empty(0, np.int64))
+        lengths = np.diff([*(run[0] for run in self.runs), len(counts)])
+        part = np.repeat(np.array([run[1] for run in self.runs], np.int32), lengths)
+        sizes = np.bincount(part, minlength=len(self.part_names))
+        return _Parts(
+            [name or self.stem for name, size in zip(self.part_names, sizes.tolist(), strict=True) if size],
+            np.cumsum(sizes[sizes > 0]).tolist(),
+            np.argsort(part, kind="stable"),
+            counts.astype(np.int32),
+            np.cumsum(counts) - counts,
+            _taken(self.corners, np.empty((0, 3), np.int32)),
+            np.repeat(np.array([run[2] for run in self.runs], np.int32), lengths),
+        )
 
     def _name(self, key: bytes, name: str) -> None:
         if key == b"o":
@@ -230,6 +266,13 @@ class _Lines:
         self.counts.append(counts)
         self.corners.append(np.clip(corners, -1, _MOST).astype(np.int32))
         self._faces += len(lines)
+
+
+def _taken(arrays: list[np.ndarray], none: np.ndarray) -> np.ndarray:
+    """All rows of the arrays, which the list holds no more; `none` stands for an empty list."""
+    rows = np.concatenate([none, *arrays])
+    arrays.clear()
+    return rows
 
 
 def _corners(lines: list[bytes]) -> tuple[np.ndarray, np.ndarray]:

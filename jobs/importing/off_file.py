@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.colours import to_colours
+from jobs.importing.content import Content, whole
 from jobs.importing.corners import split_by_face
 from jobs.importing.numbers import floats_of, rows_of, table_of
 from jobs.importing.resources import Resources
@@ -22,9 +23,9 @@ from storage.errors import ModelError
 _HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b")
 
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:  # noqa: ARG001  OFF names no other files
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:  # noqa: ARG001  OFF names no other files
     """Read an OFF file. Raises ModelError if it is cut short or of a variant that is not read."""
-    text = re.sub(rb"#[^\n]*", b"", content.replace(b"\r", b"\n"))
+    text = re.sub(rb"#[^\n]*", b"", whole(content).replace(b"\r", b"\n"))
     head = _HEAD.match(text)
     if head is None:
         raise ModelError(f"{file}: not an OFF file, it does not start with OFF; check its extension or export it again")

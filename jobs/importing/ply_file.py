@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.colours import DEFAULT_COLOUR, Texture, to_colours
+from jobs.importing.content import Content, whole
 from jobs.importing.corners import split_by_face, unify
 from jobs.importing.numbers import floats_of
 from jobs.importing.resources import Resources
@@ -68,17 +69,18 @@ class _List:
 _Columns = dict[str, np.ndarray | _List]
 
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a PLY file. Raises ModelError if it is cut short or its header cannot be understood."""
-    order, elements, texture, start = _header(file, content)
-    found = _text(file, content[start:], elements) if order is None else _binary(file, content, start, order, elements)
+    data = whole(content)
+    order, elements, texture, start = read_header(file, data)
+    found = _text(file, data[start:], elements) if order is None else _binary(file, data, start, order, elements)
     mesh = _mesh(file, found, elements, texture, resources)
     if mesh is None:
         return SourceScene(file, [], [])
     return SourceScene(file, [mesh], [SourceNode(0, mesh.name, IDENTITY)])
 
 
-def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
+def read_header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
     """Byte order (None: text), elements, texture file and where the data starts."""
     if not content.startswith(b"ply"):
         raise ModelError(f"{file}: not a PLY file, it does not start with ply; check its extension or export it again")

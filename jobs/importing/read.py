@@ -1,4 +1,7 @@
-"""Which reader reads which file. Whatever goes wrong in one becomes a ModelError of one line."""
+"""Which reader reads which file. Whatever goes wrong in one becomes a ModelError of one line.
+
+Readers of binary glTF and OBJ hand over their meshes one by one, as they are asked for; the others hold a whole file.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from jobs.importing.content import Content, FileContent
 from jobs.importing.resources import Resources
-from jobs.importing.scene import SourceScene
+from jobs.importing.scene import SourceMesh, SourceScene, UnreadMeshes
 from storage.errors import ModelError
 
-Reader = Callable[[Path, bytes, Resources], SourceScene]
+Reader = Callable[[Path, Content, Resources], SourceScene]
 
 #: The module of `jobs.importing` whose `read(file, content, resources)` reads files of an extension.
 READERS = {
@@ -27,6 +31,9 @@ READERS = {
 }
 
 KINDS = ", ".join(READERS)
+
+#: Bytes that are looked through at once.
+_BLOCK = 1 << 16
 
 
 def find_files(inputs: Sequence[Path]) -> list[tuple[Path, Path]]:
@@ -63,21 +70,41 @@ def find_files(inputs: Sequence[Path]) -> list[tuple[Path, Path]]:
 def read_scene(file: Path, root: Path) -> SourceScene:
     """Read one model file; `root` is the outermost folder that it may refer to. Raises ModelError."""
     kind = file.suffix.lower()
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise ModelError(f"{file}: cannot be read ({error.strerror}); check the file and its permissions") from None
-    if not content.strip(b"\0 \t\r\n"):
-        raise ModelError(f"{file}: the file is empty; export the model again")
-    looks = looks_like(content)
+    content = FileContent(file)
+    with _reading(file):
+        if _is_blank(content):
+            raise ModelError(f"{file}: the file is empty; export the model again")
+        looks = looks_like(content)
     if looks is not None and looks != kind:
         raise ModelError(f"{file}: this is a {looks} file; rename it so that its extension says so")
     reader: Reader = importlib.import_module(f"jobs.importing.{READERS[kind]}").read
+    with _reading(file):
+        scene = reader(file, content, Resources(file, root))
+    if not scene.meshes or not scene.nodes:
+        raise ModelError(f"{file}: the file holds no triangles; export the model again with its surfaces")
+    meshes = scene.meshes
+
+    def read_mesh(number: int) -> SourceMesh:
+        with _reading(file):
+            return meshes[number]
+
+    scene.meshes = UnreadMeshes(len(meshes), read_mesh)
+    return scene
+
+
+@contextmanager
+def _reading(file: Path) -> Iterator[None]:
+    """What goes wrong while a file is read becomes a ModelError."""
+    kind = file.suffix.lower()
     try:
         with _quiet():
-            scene = reader(file, content, Resources(file, root))
+            yield
     except ModelError:
         raise
+    except OSError as error:
+        raise ModelError(
+            f"{file}: cannot be read ({error.strerror or error}); check the file and its permissions"
+        ) from None
     except MemoryError:
         raise ModelError(f"{file}: not enough memory to read the file; use a machine with more") from None
     except RecursionError:
@@ -86,9 +113,12 @@ def read_scene(file: Path, root: Path) -> SourceScene:
         raise ModelError(
             f"{file}: cannot be read as {kind}: {_one_line(error)}; the file is damaged or cut short, export it again"
         ) from error
-    if not scene.meshes or not scene.nodes:
-        raise ModelError(f"{file}: the file holds no triangles; export the model again with its surfaces")
-    return scene
+
+
+def _is_blank(content: Content) -> bool:
+    """Whether nothing but blanks and zeros is there."""
+    starts = range(0, content.size, _BLOCK)
+    return not any(content.part(start, start + _BLOCK).strip(b"\0 \t\r\n") for start in starts)
 
 
 @contextmanager
@@ -107,18 +137,19 @@ def _quiet() -> Iterator[None]:
         log.setLevel(level)
 
 
-def looks_like(content: bytes) -> str | None:
+def looks_like(content: Content) -> str | None:
     """The extension that the first bytes speak for, None if they speak for none in particular."""
-    if content.startswith(b"glTF"):
+    start = content.part(0, 4096)
+    if start.startswith(b"glTF"):
         return ".glb"
-    if content.startswith((b"ply\n", b"ply\r")):
+    if start.startswith((b"ply\n", b"ply\r")):
         return ".ply"
-    if content.startswith((b"OFF\n", b"OFF\r", b"COFF\n", b"COFF\r")):
+    if start.startswith((b"OFF\n", b"OFF\r", b"COFF\n", b"COFF\r")):
         return ".off"
-    head = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
+    head = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith(b"<") and b"<COLLADA" in head:
         return ".dae"
-    if head.startswith(b"{") and b'"asset"' in content:
+    if head.startswith(b"{") and b'"asset"' in content.part(0, content.size):
         return ".gltf"
     return None
 

@@ -21,7 +21,7 @@ FARTHEST = 1e15
 #: A face whose height is below this share of its longest edge has no area: what float64 leaves of collinear corners.
 _FLAT = 1e-14
 
-_CHUNK = 1 << 20
+_CHUNK = 1 << 16
 
 
 def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:

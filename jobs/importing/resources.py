@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import base64
 import binascii
+import os
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, unquote_to_bytes
+
+from jobs.importing.content import Content, FileContent, HeldContent
 
 
 class Resources:
@@ -23,13 +26,19 @@ class Resources:
 
     def read(self, reference: str) -> bytes | None:
         """The content that a URI or path stands for; None if it is missing, outside, remote or cannot be read."""
-        if reference.startswith("data:"):
-            return _inline(reference)
-        path = self.find(reference)
+        content = self.open(reference)
         try:
-            return None if path is None else path.read_bytes()
+            return None if content is None else content.part(0, content.size)
         except OSError:
             return None
+
+    def open(self, reference: str) -> Content | None:
+        """The same, to be read in parts."""
+        if reference.startswith("data:"):
+            data = _inline(reference)
+            return None if data is None else HeldContent(data)
+        path = self.find(reference)
+        return FileContent(path) if path is not None and os.access(path, os.R_OK) else None
 
     def find(self, reference: str) -> Path | None:
         """The file that a URI or path stands for, None if there is none in the folder."""

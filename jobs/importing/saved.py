@@ -19,10 +19,11 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -57,13 +58,16 @@ COLUMNS = {
     "source_faces": ("<u4", 0),
 }
 
+#: Those of them that have a row for each vertex; the others have one for each triangle.
+PER_VERTEX = ("positions", "normals", "colours")
+
 #: Format number of the directory.
 FORMAT = 1
 
 IDENTITY = np.eye(3, 4)
 
 #: Positions that are transformed at once.
-_BATCH = 1 << 20
+_BATCH = 1 << 17
 
 #: Coordinates farther than this many extents from zero are brought near it by an origin.
 _FAR = 4.0
@@ -123,7 +127,8 @@ def write_model(
 
     Chooses the origin, bakes meshes that are placed once, drops those that are never placed. Without `placements` every
     mesh is placed once as it is. The meshes must be free of defects: finite positions, indices within range, one
-    triangle or more each. `report` is kept as it is: {defect: {"total": n, "parts": {name: n}}}.
+    triangle or more each. They are asked for one by one, two or three times each, and none is kept. `report` is kept as
+    it is: {defect: {"total": n, "parts": {name: n}}}.
 
     No reader can observe a partially written model: everything goes to a temporary directory beside `out`, which is
     renamed when complete and removed if anything fails. Raises ModelError if there is nothing to write or something is
@@ -131,30 +136,30 @@ def write_model(
     """
     if placements is None:
         placements = [Placement(i, f"mesh {i}", IDENTITY) for i in range(len(meshes))]
-    users = np.bincount([p.mesh for p in placements], minlength=len(meshes)).tolist()
-    meshes, placements, users = _drop_unused(meshes, placements, users)
     if not placements:
         raise ModelError(f"{out}: a model needs at least one triangle")
-    lo, hi = _box(meshes, placements)
-    origin = _origin(lo, hi)
+    placements = [Placement(p.mesh, p.name, np.asarray(p.matrix, np.float64)) for p in placements]
+    found = _survey(meshes, placements)
+    origin = _origin(found.lo, found.hi)
     placements = [_shifted(p, -origin) for p in placements]
     if origin.any():
-        lo, hi = _box(meshes, placements)
-    centres = [_origin(*_mesh_box(m)) if n > 1 else np.zeros(3) for m, n in zip(meshes, users, strict=True)]
+        found = _survey(meshes, placements)
+    row_of = {mesh: row for row, mesh in enumerate(found.used)}
 
     names = list(dict.fromkeys(p.name for p in placements))
     name_index = {name: i for i, name in enumerate(names)}
     parts = np.zeros(len(placements), PART)
     baking: dict[int, np.ndarray] = {}
     for row, p in zip(parts, placements, strict=True):
-        row["mesh"], row["name"] = p.mesh, name_index[p.name]
-        if users[p.mesh] == 1:
+        mesh = row_of[p.mesh]
+        row["mesh"], row["name"] = mesh, name_index[p.name]
+        if found.placed[mesh] == 1:
             row["identity"], row["matrix"] = True, IDENTITY
-            baking[p.mesh] = p.matrix
+            baking[mesh] = p.matrix
         else:
             row["matrix"] = p.matrix
-            if centres[p.mesh].any():
-                row["matrix"][:, 3] = transform_points(p.matrix, centres[p.mesh][None])[0]
+            if found.centres[mesh].any():
+                row["matrix"][:, 3] = transform_points(p.matrix, found.centres[mesh][None])[0]
 
     out.parent.mkdir(parents=True, exist_ok=True)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -162,37 +167,27 @@ def write_model(
     temporary = temporary_path(out.parent)
     temporary.mkdir()
     try:
-        digests = _write_arrays(temporary, meshes, baking, centres)
-        digests["meshes"] = _write_whole(temporary / "meshes.npy", mesh_table(meshes))
+        digests = _write_arrays(temporary, meshes, found, baking)
+        digests["meshes"] = _write_whole(temporary / "meshes.npy", found.table)
         digests["parts"] = _write_whole(temporary / "parts.npy", parts)
         header = {
             "origin": origin.tolist(),
             "up": up,
             "unit_in_metres": float(unit_in_metres),
             "names": names,
-            "lo": lo.tolist(),
-            "hi": hi.tolist(),
+            "lo": found.lo.tolist(),
+            "hi": found.hi.tolist(),
         }
         content = json.dumps({"arrays": digests, **header}, sort_keys=True, ensure_ascii=True)
         header["digest"] = hashlib.sha256(content.encode()).hexdigest()
         header["format"] = FORMAT
-        header["triangles"] = sum(len(meshes[p.mesh].triangles) for p in placements)
+        header["triangles"] = int(found.table["triangles"][parts["mesh"]].sum())
         header["report"] = dict(report or {})
         (temporary / "model.json").write_text(json.dumps(header, indent=1, ensure_ascii=True), "ascii")
         temporary.rename(out)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-
-
-def mesh_table(meshes: Sequence[MeshView]) -> np.ndarray:
-    """Where each mesh lies when all are concatenated: MESH (k,)."""
-    table = np.zeros(len(meshes), MESH)
-    table["vertices"] = [len(mesh.positions) for mesh in meshes]
-    table["triangles"] = [len(mesh.triangles) for mesh in meshes]
-    table["vertex_start"][1:] = np.cumsum(table["vertices"])[:-1]
-    table["triangle_start"][1:] = np.cumsum(table["triangles"])[:-1]
-    return table
 
 
 def bake(mesh: MeshView, matrix: np.ndarray) -> MeshView:
@@ -236,41 +231,44 @@ def turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
     return (turned / np.where(length > 0, length, 1.0)[:, None]).astype(np.float32)
 
 
-def _drop_unused(
-    meshes: Sequence[MeshView], placements: Sequence[Placement], users: list[int]
-) -> tuple[list[MeshView], list[Placement], list[int]]:
-    kept = [i for i, n in enumerate(users) if n]
-    new = {old: i for i, old in enumerate(kept)}
-    return (
-        [meshes[i] for i in kept],
-        [Placement(new[p.mesh], p.name, np.asarray(p.matrix, np.float64)) for p in placements],
-        [users[i] for i in kept],
-    )
-
-
 def _shifted(placement: Placement, shift: np.ndarray) -> Placement:
     matrix = placement.matrix.copy()
     matrix[:, 3] += shift
     return Placement(placement.mesh, placement.name, matrix)
 
 
-def _mesh_box(mesh: MeshView) -> tuple[np.ndarray, np.ndarray]:
-    return mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+class _Survey(NamedTuple):
+    """What is known of all meshes that are placed, after each was looked at once."""
+
+    used: list[int]  # which are placed, increasing: the rows of what follows
+    table: np.ndarray  # MESH (k,)
+    placed: np.ndarray  # (k,) int64 times that each is placed
+    centres: np.ndarray  # (k, 3) float64 what is taken off the local coordinates of those placed several times
+    lo: np.ndarray  # (3,) float64 box of all placed vertices, exactly as they are placed
+    hi: np.ndarray  # (3,) float64
 
 
-def _box(meshes: Sequence[MeshView], placements: Sequence[Placement]) -> tuple[np.ndarray, np.ndarray]:
-    """The box of all placed vertices, exactly as they are placed."""
+def _survey(meshes: Sequence[MeshView], placements: Sequence[Placement]) -> _Survey:
     users: dict[int, list[np.ndarray]] = {}
     for p in placements:
         users.setdefault(p.mesh, []).append(p.matrix)
+    used = sorted(users)
+    table = np.zeros(len(used), MESH)
+    centres = np.zeros((len(used), 3))
     lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh, matrices in users.items():
-        points = meshes[mesh].positions
+        view, row = meshes[mesh], bisect_left(used, mesh)
+        points = view.positions
+        table["vertices"][row], table["triangles"][row] = len(points), len(view.triangles)
+        if len(matrices) > 1:
+            centres[row] = _origin(points.min(axis=0), points.max(axis=0))
         batch = max(_BATCH // len(points), 1)
         for start in range(0, len(matrices), batch):
             placed = transform_points(np.stack(matrices[start : start + batch])[:, None], points)
             lo, hi = np.minimum(lo, placed.min(axis=(0, 1))), np.maximum(hi, placed.max(axis=(0, 1)))
-    return lo, hi
+    table["vertex_start"][1:] = np.cumsum(table["vertices"])[:-1]
+    table["triangle_start"][1:] = np.cumsum(table["triangles"])[:-1]
+    return _Survey(used, table, np.array([len(users[mesh]) for mesh in used]), centres, lo, hi)
 
 
 def _origin(lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
@@ -283,26 +281,22 @@ def _origin(lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
 
 
 def _write_arrays(
-    folder: Path, meshes: Sequence[MeshView], baking: Mapping[int, np.ndarray], centres: Sequence[np.ndarray]
+    folder: Path, meshes: Sequence[MeshView], found: _Survey, baking: Mapping[int, np.ndarray]
 ) -> dict[str, str]:
-    """Write the arrays of COLUMNS mesh by mesh; returns the hash of each one's data."""
-    rows = {
-        "vertices": sum(len(mesh.positions) for mesh in meshes),
-        "triangles": sum(len(mesh.triangles) for mesh in meshes),
-    }
+    """Write the arrays of COLUMNS mesh by mesh; returns the hash of each one's data. `baking` goes by row."""
     files: dict[str, BinaryIO] = {}
     hashes = {name: hashlib.sha256() for name in COLUMNS}
     try:
         for name, (dtype, columns) in COLUMNS.items():
-            count = rows["vertices" if name in ("positions", "normals", "colours") else "triangles"]
+            count = int(found.table["vertices" if name in PER_VERTEX else "triangles"].sum())
             files[name] = (folder / f"{name}.npy").open("wb")
             _write_header(files[name], (count, columns) if columns else (count,), np.dtype(dtype))
-        for i, source in enumerate(meshes):
-            mesh = source
-            if i in baking:
-                mesh = bake(source, baking[i])
-            elif centres[i].any():
-                mesh = bake(source, np.column_stack([np.eye(3), -centres[i]]))
+        for row, number in enumerate(found.used):
+            mesh = meshes[number]
+            if row in baking:
+                mesh = bake(mesh, baking[row])
+            elif found.centres[row].any():
+                mesh = bake(mesh, np.column_stack([np.eye(3), -found.centres[row]]))
             for name, (dtype, _) in COLUMNS.items():
                 data = np.ascontiguousarray(getattr(mesh, name), np.dtype(dtype)).data.cast("B")
                 hashes[name].update(data)

@@ -5,10 +5,11 @@ Nothing is repaired yet: indices may be out of range, positions may be NaN. Colo
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -91,12 +92,34 @@ class SourceScene:
     """Everything in one model file."""
 
     file: Path
-    meshes: list[SourceMesh]
+    meshes: Sequence[SourceMesh]  # may be read only as they are asked for, one by one
     nodes: list[SourceNode]
     unit_in_metres: float | None = None  # None: the format does not say
     up: str | None = None  # None: the format does not say
     usual_up: str = "z"  # what files of this format mostly mean where they do not say
     tally: Tally = field(default_factory=Tally)  # defects of the file as a whole
+
+
+@dataclass(frozen=True, eq=False)
+class UnreadMeshes(Sequence[SourceMesh]):
+    """Meshes that are read whenever one is asked for; none is kept."""
+
+    size: int
+    read: Callable[[int], SourceMesh]  # reads the mesh of a number, 0 ... size - 1
+
+    def __len__(self) -> int:
+        return self.size
+
+    @overload
+    def __getitem__(self, index: int) -> SourceMesh: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SourceMesh]: ...
+
+    def __getitem__(self, index: int | slice) -> SourceMesh | Sequence[SourceMesh]:
+        if isinstance(index, slice):
+            return [self.read(at) for at in range(self.size)[index]]
+        return self.read(range(self.size)[index])
 
 
 def fan(counts: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jobs.importing.content import Content, whole
 from jobs.importing.resources import Resources
 from jobs.importing.saved import IDENTITY
 from jobs.importing.scene import SourceMesh, SourceNode, SourceScene
@@ -18,12 +19,13 @@ from storage.errors import ModelError
 _HEADER, _FACET = 84, 50
 
 
-def read(file: Path, content: bytes, resources: Resources) -> SourceScene:  # noqa: ARG001  STL names no other files
+def read(file: Path, content: Content, resources: Resources) -> SourceScene:  # noqa: ARG001  STL names no other files
     """Read an STL file. Raises ModelError if it is cut short."""
     from trimesh.exchange.stl import load_stl
 
-    _check(file, content)
-    found = load_stl(io.BytesIO(content))
+    data = whole(content)
+    _check(file, data)
+    found = load_stl(io.BytesIO(data))
     solids = found.get("geometry", {"": found})
     meshes = [
         SourceMesh(

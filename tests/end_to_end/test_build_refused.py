@@ -56,6 +56,13 @@ def test_a_file_that_is_no_model(tmp_path):
     assert "noise.glb" in refused("build", tmp_path / "noise.glb", tmp_path / "store")
 
 
+def test_too_little_memory_names_what_suffices(model, tmp_path):
+    said = refused("build", model, tmp_path / "store", "--memory", "100MB")
+    assert "import" in said
+    assert "--memory 2" in said
+    assert "lots" in refused("build", model, tmp_path / "store", "--memory", "lots")
+
+
 def test_a_folder_without_models(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "readme.txt").write_text("nothing here")

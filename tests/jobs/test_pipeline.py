@@ -8,7 +8,8 @@ import json
 import numpy as np
 import pytest
 
-from jobs.errors import WorkInUseError
+import jobs.cells
+from jobs.errors import MemoryLimitError, WorkInUseError
 from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
@@ -107,6 +108,37 @@ def test_building_again_repeats_nothing_and_changes_nothing(model, built, tmp_pa
     assert again.version == 1
     assert shards(store) == before
     assert (store / "manifest.json").read_bytes() == manifest
+
+
+def test_a_task_that_would_need_too_much_memory_is_refused_before_it_begins(model, tmp_path):
+    store = tmp_path / "store"
+    with pytest.raises(MemoryLimitError, match=r"'import' needs about \S+ of memory, and 64MiB .* --memory \d+MiB, or"):
+        build([model], store, PARAMETERS, SerialExecutor(), memory=64 << 20)
+    assert not any((store / "work").glob("import/*"))
+
+
+def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tmp_path):
+    store = tmp_path / "store"
+    build([model], store, PARAMETERS, SerialExecutor(), memory=8 << 30)
+    assert shards(store) == shards(built[0])
+    assert (store / "manifest.json").read_bytes() == (built[0] / "manifest.json").read_bytes()
+    assert build([model], store, PARAMETERS, SerialExecutor(), memory=1).tasks_run == 0
+
+
+def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
+    model, built, tmp_path, monkeypatch
+):
+    crowded = jobs.cells._is_crowded
+    seen = []
+
+    def noted(*arguments):
+        seen.append(crowded(*arguments))
+        return False
+
+    monkeypatch.setattr("jobs.cells._is_crowded", noted)
+    build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
+    assert any(seen)
+    assert shards(tmp_path / "store") == shards(built[0])
 
 
 def test_another_place_gives_the_same_bytes(model, built, tmp_path):

@@ -136,9 +136,11 @@ def test_a_file_without_permission(tmp_path, monkeypatch):
     path.write_bytes(CONTENT["stl"])
     path.chmod(0)
     if os.geteuid() == 0:  # the system lets root read everything
-        monkeypatch.setattr(
-            "pathlib.Path.read_bytes", lambda self: (_ for _ in ()).throw(PermissionError(13, "Permission denied"))
-        )
+
+        def refuse(self, start, end):
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr("jobs.importing.content.FileContent.part", refuse)
     with pytest.raises(ModelError, match="Permission denied"):
         imported(path, tmp_path / "out")
 

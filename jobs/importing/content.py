@@ -1,0 +1,73 @@
+"""The bytes of a file, read as they are asked for: a model file may be far larger than memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+
+class Content(Protocol):
+    """Some bytes that lie somewhere."""
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        ...
+
+    def part(self, start: int, end: int) -> bytes:
+        """Bytes start ... end - 1; fewer where there are fewer. Raises OSError."""
+        ...
+
+
+def whole(content: Content) -> bytes:
+    """All of it, for readers that hold a whole file."""
+    return content.part(0, content.size)
+
+
+@dataclass(frozen=True)
+class HeldContent:
+    """Bytes in memory."""
+
+    data: bytes
+
+    @property
+    def size(self) -> int:
+        """See `Content`."""
+        return len(self.data)
+
+    def part(self, start: int, end: int) -> bytes:
+        """See `Content`."""
+        return self.data[start:end]
+
+
+@dataclass(frozen=True)
+class FileContent:
+    """The bytes of a file, none of which are kept."""
+
+    path: Path
+
+    @cached_property
+    def size(self) -> int:
+        """See `Content`. Raises OSError."""
+        return self.path.stat().st_size
+
+    def part(self, start: int, end: int) -> bytes:
+        """See `Content`."""
+        with self.path.open("rb") as file:
+            file.seek(start)
+            return file.read(end - start)
+
+
+@dataclass(frozen=True)
+class ContentPart:
+    """A stretch of other bytes."""
+
+    whole: Content
+    start: int
+    size: int
+
+    def part(self, start: int, end: int) -> bytes:
+        """See `Content`."""
+        return self.whole.part(self.start + start, self.start + min(end, self.size))

@@ -31,7 +31,7 @@ MANY_WALKS = 6
 #: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
 ABOVE = MANY_WALKS + 1
 #: Of the finer surface's points, one in so many is looked up to begin with.
-SAMPLED = 4
+SAMPLED = 8
 #: Room for a polygon's corners: a cut adds one at most to each of its parts.
 MAX_CORNERS = 20
 #: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
@@ -281,11 +281,22 @@ def _halve(
 
 
 @allocating_kernel()
-def directed_bound(a: Surface, b: Surface, lower2: float, floor2: float, slack2: float) -> tuple[float, float]:
+def directed_bound(
+    a: Surface,
+    b: Surface,
+    lower2: float,
+    floor2: float,
+    slack2: float,
+    nearest: np.ndarray,
+    squared: np.ndarray,
+    below: np.ndarray,
+) -> tuple[float, float]:
     """Bound the largest squared distance of any point of `a` to `b`.
 
     lower2: a known squared distance that the result need not undercut by refining; floor2: the same, without the slack.
-    Returns the bound and the improved lower2.
+    nearest (n,) int32, squared (n,): the triangle of `b` closest to each of `a`'s points and its squared distance, -1
+    where it was not looked up yet: it is then, where needed; below (m,) int32: the one closest to each triangle's
+    centre, or -1. Returns the bound and the improved lower2.
     """
     corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin
     points, triangles = a.points, a.triangles
@@ -297,8 +308,6 @@ def directed_bound(a: Surface, b: Surface, lower2: float, floor2: float, slack2:
     walks = np.empty(MAX_STACK, np.int32)  # triangles tried in vain since the closest one was last looked up
     polygon = np.empty((MAX_CORNERS, 3))
     side, rest, other = np.empty(MAX_CORNERS), np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
-    nearest = np.full(len(points), -1, np.int32)  # the closest triangle of `b`, where it was looked up
-    squared = np.empty(len(points))
     seen = np.full(len(b.triangles), -1, np.int32)
     flood = np.empty(len(b.triangles), np.int32)
     clipped = np.empty((2, 16, 3))
@@ -345,16 +354,19 @@ def directed_bound(a: Surface, b: Surface, lower2: float, floor2: float, slack2:
                 start = k
         last = start
         if best2 > enough2:
-            i, j, k = triangles[t]
-            x, y, z = (
-                (points[i, 0] + points[j, 0] + points[k, 0]) / 3.0,
-                (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
-                (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
-            )
-            start, d2 = closest(corners, box, child, query, x, y, z, start)
-            if d2 > lower2:
-                lower2 = d2
-                enough2 = max(slack2 * lower2, floor2) * loosened
+            if below[t] >= 0:
+                start = below[t]
+            else:
+                i, j, k = triangles[t]
+                x, y, z = (
+                    (points[i, 0] + points[j, 0] + points[k, 0]) / 3.0,
+                    (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
+                    (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
+                )
+                start, d2 = closest(corners, box, child, query, x, y, z, start)
+                if d2 > lower2:
+                    lower2 = d2
+                    enough2 = max(slack2 * lower2, floor2) * loosened
             last = start
             seen[start] = t
             flood[0] = start
@@ -472,17 +484,26 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     The result is at most `slack` (> 1) times the true distance or `floor`, whichever is larger, unless the meshes are
     so hard that the effort ran out. `lower` is a distance known to be reached, 0 if none is.
     """
-    # where the coarser surface's corners and its triangles' centres lie tells how far it is to go
+    # where the coarser surface's triangles' centres and some of the finer one's points lie tells how far it is to go
     coarse, fine = (a, b) if len(a.triangles) < len(b.triangles) else (b, a)
-    lower2 = max(lower * lower, point_distances(_centres(coarse), fine)[1].max())
-    lower2 = max(lower2, point_distances(fine.points[::SAMPLED], coarse)[1].max())
-    there2, lower2 = directed_bound(fine, coarse, lower2, floor * floor, slack * slack)
-    back2, lower2 = directed_bound(coarse, fine, lower2, floor * floor, slack * slack)
+    below, apart = point_distances(_centres(coarse), fine)
+    lower2 = max(lower * lower, apart.max())
+    sampled, apart = point_distances(fine.points[::SAMPLED], coarse)
+    lower2 = max(lower2, apart.max())
+    nearest, squared = np.full(len(fine.points), -1, np.int32), np.empty(len(fine.points))
+    nearest[::SAMPLED] = sampled
+    squared[::SAMPLED] = apart
+    unknown = np.full(len(fine.triangles), -1, np.int32)
+    there2, lower2 = directed_bound(fine, coarse, lower2, floor * floor, slack * slack, nearest, squared, unknown)
+    nearest, squared = np.full(len(coarse.points), -1, np.int32), np.empty(len(coarse.points))
+    back2, lower2 = directed_bound(coarse, fine, lower2, floor * floor, slack * slack, nearest, squared, below)
     return np.sqrt(max(there2, back2)), np.sqrt(lower2)
 
 
 @allocating_kernel()
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
-    bound2, _ = directed_bound(a, b, 0.0, floor * floor, slack * slack)
+    nearest, squared = np.full(len(a.points), -1, np.int32), np.empty(len(a.points))
+    unknown = np.full(len(a.triangles), -1, np.int32)
+    bound2, _ = directed_bound(a, b, 0.0, floor * floor, slack * slack, nearest, squared, unknown)
     return np.sqrt(bound2)

@@ -35,7 +35,6 @@ from jobs.workplace import Workplace
 from storage.detail import pixel_angle
 from storage.errors import ParameterError
 from storage.manifest import Manifest, commit, current
-from storage.octree import ROOT
 from storage.writer import cells_section
 
 
@@ -73,9 +72,8 @@ def build(
         space = view_space(parameters, lo, hi, origin)
 
         cell_parameters = plan.cell_parameters(parameters, space, angle)
-        section = geometry_section_of(place, tables.key)
-        subtrees = plan.CellsPlan(place, tables, section, cell_parameters)
-        waves = run.all(stages.CELLS, subtrees.below([ROOT]), lambda result: subtrees.below(result.record["open_keys"]))
+        subtrees = plan.CellsPlan(tables, cell_parameters)
+        waves = run.all(stages.CELLS, [subtrees.first(place)], subtrees.then)
         cells = sorted(
             (wave for wave in waves if wave.record["cells"]), key=lambda wave: int(wave.task.payload["root"])
         )
@@ -89,7 +87,7 @@ def build(
             model=model,
             pixel_angle=angle,
             parameters=parameters.to_json(),
-            geometry=section,
+            geometry=geometry_section_of(place, tables.key),
             cells=cells_section(place.store, space.octree, names),
         )
         version = commit(place.store, manifest)

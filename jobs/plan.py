@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
 from jobs.stages.cells import cell_parameters as cells_options
 from jobs.stages.cells import shards_needed
+from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import Shapes, imported_model
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
@@ -237,28 +238,34 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
 
 
 class CellsPlan:
-    """Tasks on subtrees of view cells."""
+    """Tasks on subtrees of view cells: each names the keys below it that are left, and what they will need."""
 
-    def __init__(
-        self, place: Workplace, tables: TaskResult, section: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> None:
-        """section: the manifest's on geometry; parameters: see `cell_parameters`."""
-        from storage.store import open_geometry
-
+    def __init__(self, tables: TaskResult, parameters: Mapping[str, Any]) -> None:
+        """parameters: see `cell_parameters`."""
         self._tables = tables
         self._parameters = dict(parameters)
-        self._geometry = open_geometry(place.store, section)
 
-    def below(self, keys: Iterable[int]) -> Iterator[Task]:
-        """The tasks on the cells below some keys of the octree."""
+    def first(self, place: Workplace) -> Task:
+        """The task on the octree's topmost cells."""
         from jobs.cells import triangles_needed
+        from storage.octree import ROOT
+        from storage.store import open_geometry
 
-        own = cells_options(self._parameters)
-        for key in keys:
-            payload = {"geometry": self._tables.record["content"], "root": key, "parameters": self._parameters}
-            triangles = triangles_needed(self._geometry, key, own)
-            memory = PROCESS + CELLS_IMAGES + CELLS_PER_TRIANGLE * triangles
-            yield Task(stages.CELLS, payload, {"tables": self._tables.key}, memory)
+        geometry = open_geometry(place.store, geometry_section_of(place, self._tables.key))
+        return self._task(ROOT, triangles_needed(geometry, ROOT, cells_options(self._parameters)))
+
+    def then(self, result: TaskResult) -> list[Task]:
+        """The tasks that can be made now that one more is finished."""
+        left = zip(result.record["open_keys"], result.record["open_triangles"], strict=True)
+        return [self._task(key, triangles) for key, triangles in left]
+
+    def _task(self, root: int, triangles: int) -> Task:
+        return Task(
+            stages.CELLS,
+            {"geometry": self._tables.record["content"], "root": root, "parameters": self._parameters},
+            {"tables": self._tables.key},
+            PROCESS + CELLS_IMAGES + CELLS_PER_TRIANGLE * triangles,
+        )
 
 
 def layout_task(cells: Sequence[TaskResult]) -> Task:

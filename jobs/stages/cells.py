@@ -25,15 +25,17 @@ NEEDS = "needs.json"
 
 def compute_cells(work: Assignment) -> dict[str, Any]:
     """A subtree of view cells with what can be seen from each."""
-    from jobs.cells import compute_subtree
+    from jobs.cells import compute_subtree, triangles_needed
 
     store = _geometry(work.place.store, work.place.result(TABLES.name, work.places["tables"]) / SECTION)
-    result = compute_subtree(store, work.payload["root"], cell_parameters(work.payload["parameters"]))
+    parameters = cell_parameters(work.payload["parameters"])
+    result = compute_subtree(store, work.payload["root"], parameters)
     save_array(work.out / "cells.npy", result.cells)
     save_array(work.out / "offsets.npy", result.offsets)
     save_array(work.out / "ids.npy", result.ids)
     return {
         "open_keys": [int(key) for key in result.open_keys],
+        "open_triangles": [triangles_needed(store, key, parameters) for key in result.open_keys],
         "cells": len(result.cells),
         "content": content_of_arrays(result.cells, result.offsets, result.ids),
     }

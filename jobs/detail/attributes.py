@@ -165,7 +165,7 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
                     centre += level.points[level.triangles[s, k], i]
                 own = level.points[level.triangles[s, e], i]
                 p[i] = own + INSET * (centre / 3.0 - own)
-            hint, _ = closest(finest.corners, finest.box, finest.child, stack, p[0], p[1], p[2], hint)
+            hint, _ = closest(finest.corners, finest.box, finest.child, stack, p[0], p[1], p[2], hint, 0.0)
             _, v, w = closest_weights(finest.corners, hint, p[0], p[1], p[2])
             f = 3 * finest.source[hint]
             for i in range(4):

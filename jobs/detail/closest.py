@@ -126,14 +126,25 @@ def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> f
 
 @kernel()
 def closest(
-    corners: np.ndarray, box: np.ndarray, child: np.ndarray, stack: np.ndarray, x: float, y: float, z: float, hint: int
+    corners: np.ndarray,
+    box: np.ndarray,
+    child: np.ndarray,
+    stack: np.ndarray,
+    x: float,
+    y: float,
+    z: float,
+    hint: int,
+    enough2: float,
 ) -> tuple[int, float]:
-    """The closest triangle and its squared distance; `hint` is a triangle that may be near, `stack` (128,) int32."""
+    """The closest triangle and its squared distance; `hint` is a triangle that may be near, `stack` (128,) int32.
+
+    The first one found that is within the squared distance enough2 will do as well; 0 where it must be the closest.
+    """
     best = hint
     best2 = distance2(corners, hint, x, y, z)
     top = 0
     node = 0
-    if box_distance2(box, 0, x, y, z) >= best2:
+    if best2 <= enough2 or box_distance2(box, 0, x, y, z) >= best2:
         return best, best2
     while True:
         count = child[node, 1]
@@ -144,6 +155,8 @@ def closest(
                 if d2 < best2:
                     best2 = d2
                     best = k
+            if best2 <= enough2:
+                return best, best2
         else:
             left, right = node + 1, child[node, 0]
             dl = box_distance2(box, left, x, y, z)

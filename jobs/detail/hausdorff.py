@@ -4,7 +4,8 @@ The distance to one triangle K is convex, so over a convex polygon P it is large
 distance to any single K bounds how far P lies from the whole mesh. Triangles for which the best K near their corners
 gives a bound above `slack` times the running lower bound (the largest distance found for any point) are parted, first
 into pieces no larger than the triangles they face, then along the edges of the triangle they face, and tried again:
-branch and bound. Cut along those edges, a piece lies above the inside of K, and its bound is its height above K.
+branch and bound. Cut along those edges, a piece lies above the inside of K, and its bound is its height above K. No
+point of a piece is farther from the mesh than its centre is, and the way from there: that settles small pieces.
 
 Any partition gives a valid bound; choosing it well only makes it tight. Rounding enters only through the coordinates
 of the cut points and of the closest points, about 1e-15 of the mesh's size; callers add a margin for it.
@@ -30,6 +31,10 @@ LARGE2 = 30.0
 MANY_WALKS = 6
 #: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
 ABOVE = MANY_WALKS + 1
+#: Pieces whose radius squared is at most this part of what is allowed are settled by where their centre lies.
+COMPACT2 = 0.4
+#: Where a point lies is not looked up more closely than this part of the squared distance that is known to be reached.
+NEAR2 = 0.6
 #: Of the finer surface's points, one in so many is looked up to begin with.
 SAMPLED = 8
 #: Room for a polygon's corners: a cut adds one at most to each of its parts.
@@ -46,16 +51,29 @@ LOOSER = 1.5
 
 
 @allocating_kernel()
-def point_distances(points: np.ndarray, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """The closest triangle (n,) int32 of `surface` to each of points (n, 3), and the squared distance (n,)."""
+def point_distances(points: np.ndarray, surface: Surface, lower2: float) -> tuple[np.ndarray, np.ndarray]:
+    """The closest triangle (n,) int32 of `surface` to each of points (n, 3), and the squared distance (n,).
+
+    Or some triangle that is nearer than the largest distance found so far, lower2 (squared) to begin with: the largest
+    of all is exact in any case.
+    """
     stack = np.empty(128, np.int32)
     nearest = np.empty(len(points), np.int32)
     squared = np.empty(len(points))
     hint = 0
     for i in range(len(points)):
         hint, squared[i] = closest(
-            surface.corners, surface.box, surface.child, stack, points[i, 0], points[i, 1], points[i, 2], hint
+            surface.corners,
+            surface.box,
+            surface.child,
+            stack,
+            points[i, 0],
+            points[i, 1],
+            points[i, 2],
+            hint,
+            NEAR2 * lower2,
         )
+        lower2 = max(lower2, squared[i])
         nearest[i] = hint
     return nearest, squared
 
@@ -99,6 +117,22 @@ def _around2(polygon: np.ndarray, n: int, corner: int, d2: float) -> float:
         )
         far2 = max(far2, x * x + y * y + z * z)
     return (np.sqrt(d2) + np.sqrt(far2)) ** 2
+
+
+@kernel()
+def _ball(polygon: np.ndarray, n: int) -> tuple[float, float, float, float]:
+    """The mean of a polygon's n corners, and the largest squared distance of a corner from it."""
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(n):
+        x += polygon[i, 0]
+        y += polygon[i, 1]
+        z += polygon[i, 2]
+    x, y, z = x / n, y / n, z / n
+    radius2 = 0.0
+    for i in range(n):
+        dx, dy, dz = polygon[i, 0] - x, polygon[i, 1] - y, polygon[i, 2] - z
+        radius2 = max(radius2, dx * dx + dy * dy + dz * dz)
+    return x, y, z, radius2
 
 
 @kernel()
@@ -330,7 +364,9 @@ def directed_bound(
         for e in range(3):
             i = triangles[t, e]
             if nearest[i] < 0:
-                last, squared[i] = closest(corners, box, child, query, points[i, 0], points[i, 1], points[i, 2], last)
+                last, squared[i] = closest(
+                    corners, box, child, query, points[i, 0], points[i, 1], points[i, 2], last, NEAR2 * lower2
+                )
                 nearest[i] = last
                 if squared[i] > lower2:
                     lower2 = squared[i]
@@ -363,7 +399,7 @@ def directed_bound(
                     (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
                     (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
                 )
-                start, d2 = closest(corners, box, child, query, x, y, z, start)
+                start, d2 = closest(corners, box, child, query, x, y, z, start, NEAR2 * lower2)
                 if d2 > lower2:
                     lower2 = d2
                     enough2 = max(slack2 * lower2, floor2) * loosened
@@ -405,13 +441,32 @@ def directed_bound(
             if here2 <= enough2:
                 bound2 = max(bound2, here2)
                 continue
+            # of a piece that is small compared with what is allowed, its centre tells enough
+            x, y, z, radius2 = _ball(polygon, n)
+            if radius2 <= COMPACT2 * enough2:
+                k, d2 = closest(corners, box, child, query, x, y, z, k, NEAR2 * lower2)
+                if d2 > lower2:
+                    lower2 = d2
+                    enough2 = max(slack2 * lower2, floor2) * loosened
+                here2 = (np.sqrt(d2) + np.sqrt(radius2)) ** 2
+                if here2 <= enough2:
+                    bound2 = max(bound2, here2)
+                    continue
             large2 = LARGE2 * _size2(corners, k)
             cut = n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
             look_up = walked >= MANY_WALKS or not cut
             if look_up:
                 here2, worst = _corner_bound(corners, k, polygon, n)
                 nearer, d2 = closest(
-                    corners, box, child, query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], k
+                    corners,
+                    box,
+                    child,
+                    query,
+                    polygon[worst, 0],
+                    polygon[worst, 1],
+                    polygon[worst, 2],
+                    k,
+                    NEAR2 * lower2,
                 )
                 here2 = min(here2, _around2(polygon, n, worst, d2))
                 if d2 > lower2:
@@ -431,7 +486,9 @@ def directed_bound(
                 loosened *= LOOSER
                 enough2 = max(slack2 * lower2, floor2) * loosened
             if depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
-                _, d2 = closest(corners, box, child, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k)
+                _, d2 = closest(
+                    corners, box, child, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k, NEAR2 * lower2
+                )
                 here2 = min(here2, _around2(polygon, n, 0, d2))
                 bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
                 continue
@@ -486,9 +543,9 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     """
     # where the coarser surface's triangles' centres and some of the finer one's points lie tells how far it is to go
     coarse, fine = (a, b) if len(a.triangles) < len(b.triangles) else (b, a)
-    below, apart = point_distances(_centres(coarse), fine)
+    below, apart = point_distances(_centres(coarse), fine, lower * lower)
     lower2 = max(lower * lower, apart.max())
-    sampled, apart = point_distances(fine.points[::SAMPLED], coarse)
+    sampled, apart = point_distances(fine.points[::SAMPLED], coarse, lower2)
     lower2 = max(lower2, apart.max())
     nearest, squared = np.full(len(fine.points), -1, np.int32), np.empty(len(fine.points))
     nearest[::SAMPLED] = sampled

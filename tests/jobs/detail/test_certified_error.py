@@ -126,8 +126,13 @@ def test_closest_triangle_agrees_with_trying_all(seed: int, m: int, flat: bool) 
     expected = distances(queries, points, triangles)
     stack = np.empty(128, np.int32)
     for query, distance in zip(queries, expected, strict=True):
-        _, squared = closest(surface.corners, surface.box, surface.child, stack, query[0], query[1], query[2], 0)
+        _, squared = closest(surface.corners, surface.box, surface.child, stack, *query, 0, 0.0)
         assert np.sqrt(squared) == pytest.approx(distance, rel=1e-7, abs=1e-6)
+        # where something near is enough, that is what it is, or else the closest
+        found, squared = closest(surface.corners, surface.box, surface.child, stack, *query, 0, 250_000.0)
+        assert squared <= max(250_000.0, (distance * (1 + 1e-7) + 1e-6) ** 2)
+        own = distances(query[None], surface.points, surface.triangles[found : found + 1])[0]
+        assert np.sqrt(squared) == pytest.approx(own, rel=1e-7, abs=1e-6)
 
 
 def test_bound_in_one_direction_is_not_the_other() -> None:

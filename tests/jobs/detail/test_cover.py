@@ -18,7 +18,8 @@ SIZE = 1e4  # grid steps
 def bound_by_covering(corners: np.ndarray, points: np.ndarray, triangles: np.ndarray, limit: float) -> float:
     """`covered` for one triangle (3, 3), with the flood begun where its corners and its centre are nearest."""
     surface = make_surface(points, triangles.astype(np.int32))
-    begin = np.unique(point_distances(np.append(corners, [corners.mean(axis=0)], axis=0), surface)[0])
+    places = np.append(corners, [corners.mean(axis=0)], axis=0)
+    begin = np.unique([point_distances(places[i : i + 1], surface, 0.0)[0][0] for i in range(4)]).astype(np.int32)
     seen = np.full(len(surface.triangles), -1, np.int32)
     flood = np.empty(len(surface.triangles), np.int32)
     flood[: len(begin)] = begin

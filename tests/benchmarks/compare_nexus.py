@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -21,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from jobs.scenes import write_scene
 from storage.detail import cut_within
 from storage.store import Geometry
 from storage.tree import leaves
+from tests.benchmarks.models import model_file
 from tests.benchmarks.nexus import write_ply
 from tests.jobs.built_geometry import build_geometry
 from tests.jobs.tiny_model import write_rooms
@@ -41,13 +40,7 @@ def compare(name: str, folder: Path, python: str) -> dict[str, Any]:
         done = subprocess.run([python, script, *map(str, arguments)], check=True, capture_output=True, text=True)
         return json.loads(done.stdout.splitlines()[-1])
 
-    scene, _, size = name.partition(":")
-    if size:
-        file = folder / f"{scene}.glb"
-        write_scene(scene, file, int(size), 0)
-    else:
-        file = Path(os.environ["VLOD_MODELS"]) / name
-    built = build_geometry([file], folder / "store")
+    built = build_geometry([model_file(name, folder)], folder / "store")
     seconds = {stage.name: stage.core_seconds for stage in built.run.reports}
     geometry = built.geometry
     full = folder / "full.ply"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import tempfile
 from pathlib import Path
@@ -18,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from jobs.scenes import write_scene
 from storage.tree import leaves
+from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import Originals, build_geometry, mesh_of
 from tests.jobs.detail.sampling import distances, measured, sample
 
@@ -41,12 +40,7 @@ DENSE_POINTS = 2_000
 def measure(name: str, points: int, seed: int = 1) -> dict[str, Any]:
     """Build a model's hierarchy and sample all its drawables with about `points` points in each direction."""
     with tempfile.TemporaryDirectory() as folder:
-        scene, _, size = name.partition(":")
-        if size:
-            file = Path(folder) / f"{scene}.glb"
-            write_scene(scene, file, int(size), 0)
-        else:
-            file = Path(os.environ["VLOD_MODELS"]) / MODELS.get(name, name)
+        file = model_file(MODELS.get(name, name), Path(folder))
         built = build_geometry([file], Path(folder) / "store")
         geometry, originals = built.geometry, Originals(built)
         rows = geometry.drawables

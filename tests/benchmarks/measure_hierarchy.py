@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,9 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from jobs.scenes import write_scene
 from jobs.stages import HIERARCHY
 from storage.tree import heights, leaves
+from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
 from tests.jobs.tiny_model import write_rooms
 
@@ -43,13 +42,7 @@ WORK = ("pieces", "hierarchy", "shared", "nodes")
 
 def measure(name: str, folder: Path) -> dict[str, Any]:
     """Builds one model's hierarchy."""
-    scene, _, size = name.partition(":")
-    if size:
-        file = folder / f"{scene}.glb"
-        write_scene(scene, file, int(size), 0)
-    else:
-        file = Path(os.environ["VLOD_MODELS"]) / name
-    built = build_geometry([file], folder / "store")
+    built = build_geometry([model_file(name, folder)], folder / "store")
     geometry = built.geometry
     records = [json.loads(path.read_text()) for path in (folder / "store/work" / HIERARCHY.name).glob("*/record.json")]
     counts = records[0]["record"]["counts"]

@@ -2,9 +2,9 @@
 
     python tests/benchmarks/picture_objects.py MODEL FOLDER [--objects NAME] [--without WORD ...] [--from YAW PITCH]
 
-MODEL: the name of a demo scene with its number of triangles (plant:100000), or a model file. FOLDER gets before.png
-(each connected part), after.png (each object after both partitions and the clustering), and numbers.json. Both go the
-whole way through a build and the player; before has parameters under which nothing is split or joined.
+MODEL: the name of a demo scene with its number of triangles (plant:100000), or a file below VLOD_MODELS. FOLDER gets
+before.png (each connected part), after.png (each object after both partitions and the clustering), and numbers.json.
+Both go the whole way through a build and the player; before has parameters under which nothing is split or joined.
 
 --without leaves out the nodes of a demo scene whose names hold one of the words, so that one sees into halls:
 
@@ -28,13 +28,13 @@ from jobs.executors import SerialExecutor
 from jobs.parameters import OBJECTS, BuildParameters
 from jobs.pipeline import build
 from jobs.progress import Silent
-from jobs.scenes import write_scene
 from player.headless import Screen, play
 from player.path import CameraPath
 from player.scene import Scene, scene_of
 from player.view import looking, up_vector, yaw_pitch_direction
 from player.walkthrough import Settings
 from storage.store import open_store
+from tests.benchmarks.models import model_file
 
 #: Nothing is split, nothing is joined.
 AS_IMPORTED = {"object_triangles": 10**8, "object_size": 1e9, "object_ratio": 1e9, "cluster_volume": 0.0}
@@ -112,14 +112,13 @@ def main() -> None:
     parser.add_argument("--without", nargs="*", default=[], metavar="WORD")
     parser.add_argument("--from", dest="direction", nargs=2, type=float, default=(-60.0, 40.0))
     arguments = parser.parse_args()
+    if arguments.without and ":" not in arguments.model:
+        parser.error("--without changes the file: it is for demo scenes, which are made anew")
     arguments.folder.mkdir(parents=True, exist_ok=True)
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        kind, _, size = arguments.model.partition(":")
-        model = Path(arguments.model)
-        if size:
-            model = Path(folder) / f"{kind}.glb"
-            write_scene(kind, model, int(size), 0)
+        model = model_file(arguments.model, Path(folder))
+        if arguments.without:
             without(model, arguments.without)
         for name, options in (("before", AS_IMPORTED), ("after", OBJECTS[arguments.objects])):
             found[name] = picture(model, options, arguments.folder / f"{name}.png", *arguments.direction)

@@ -33,7 +33,8 @@ MANY_WALKS = 6
 ABOVE = MANY_WALKS + 1
 #: Pieces whose radius squared is at most this part of what is allowed are settled by where their centre lies.
 COMPACT2 = 0.4
-#: Where a point lies is not looked up more closely than this part of the squared distance that is known to be reached.
+#: Where a point lies is not looked up more closely than this part of the squared distance that is known to be reached;
+#: of pieces that are hard to bound, it is: they must find the triangle that they lie above.
 NEAR2 = 0.6
 #: Of the finer surface's points, one in so many is looked up to begin with.
 SAMPLED = 8
@@ -444,7 +445,7 @@ def directed_bound(
             # of a piece that is small compared with what is allowed, its centre tells enough
             x, y, z, radius2 = _ball(polygon, n)
             if radius2 <= COMPACT2 * enough2:
-                k, d2 = closest(corners, box, child, query, x, y, z, k, NEAR2 * lower2)
+                _, d2 = closest(corners, box, child, query, x, y, z, k, NEAR2 * lower2)
                 if d2 > lower2:
                     lower2 = d2
                     enough2 = max(slack2 * lower2, floor2) * loosened
@@ -466,7 +467,7 @@ def directed_bound(
                     polygon[worst, 1],
                     polygon[worst, 2],
                     k,
-                    NEAR2 * lower2,
+                    0.0,
                 )
                 here2 = min(here2, _around2(polygon, n, worst, d2))
                 if d2 > lower2:

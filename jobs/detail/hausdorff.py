@@ -329,8 +329,8 @@ def directed_bound(
     """Bound the largest squared distance of any point of `a` to `b`.
 
     lower2: a known squared distance that the result need not undercut by refining; floor2: the same, without the slack.
-    nearest (n,) int32, squared (n,): the triangle of `b` closest to each of `a`'s points and its squared distance, -1
-    where it was not looked up yet: it is then, where needed; below (m,) int32: the one closest to each triangle's
+    nearest (n,) int32, squared (n,): a triangle of `b` near each point of `a` (see `point_distances`) and its squared
+    distance, -1 where it was not looked up yet: it is then, where needed; below (m,) int32: one near each triangle's
     centre, or -1. Returns the bound and the improved lower2.
     """
     corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin

@@ -164,19 +164,14 @@ class NodesPlan:
         self._by_root = {fragment.root: fragment for fragment in self._fragments}
         self._finished: dict[int, TaskResult] = {}
         self._memory = PROCESS + SHAPES_PER_PIECE * int(hierarchy.record["counts"]["pieces"])
+        self._chunks = chunks_of_fragments(shapes, self._fragments)
+        self._pieces, self._shared = pieces, shared
         self._payload = {
             "model": imported.record["model"]["digest"],
             "hierarchy": hierarchy.record["content"],
-            "pieces": [result.record["content"] for result in pieces],
-            "shared": [result.record["content"] for result in shared],
             "options": _detail_options(parameters),
         }
-        self._places = {
-            "import": imported.key,
-            "hierarchy": hierarchy.key,
-            "pieces": [result.key for result in pieces],
-            "shared": [result.key for result in shared],
-        }
+        self._places = {"import": imported.key, "hierarchy": hierarchy.key}
 
     def first(self) -> Iterator[Task]:
         """The tasks that wait for no other."""
@@ -193,14 +188,24 @@ class NodesPlan:
 
     def _task(self, fragment: Fragment) -> Task:
         below = [self._finished[stop] for stop in fragment.stops]
+        chunks = self._chunks[fragment.root]
+        pieces, shared = [self._pieces[chunk] for chunk in chunks], [self._shared[chunk] for chunk in chunks]
         payload = {
             **self._payload,
+            "chunks": chunks,
+            "pieces": [result.record["content"] for result in pieces],
+            "shared": [result.record["content"] for result in shared],
             "root": fragment.root,
             "stops": fragment.stops,
             "heights": [int(result.record["height"]) for result in below],
             "below": [result.record["content"] for result in below],
         }
-        places = {**self._places, "below": [result.key for result in below]}
+        places = {
+            **self._places,
+            "pieces": [result.key for result in pieces],
+            "shared": [result.key for result in shared],
+            "below": [result.key for result in below],
+        }
         return Task(stages.NODES, payload, places, self._memory + DETAIL_PER_TRIANGLE * fragment.triangles)
 
 
@@ -287,6 +292,24 @@ def shard_tasks(place: Workplace, layout: TaskResult, cells: Sequence[TaskResult
         }
         places = {"layout": layout.key, "cells": [cells[other].key for other in needs]}
         yield Task(stages.SHARDS, payload, places)
+
+
+def chunks_of_fragments(shapes: Shapes, fragments: Sequence[Fragment]) -> dict[int, list[int]]:
+    """For the root of each fragment: the chunks of meshes, increasing, that the pieces in its own leaves are of."""
+    counts = np.diff(shapes.start)
+    chunk = np.searchsorted(shapes.chunk_start, shapes.placed["piece"][shapes.members], side="right") - 1
+    owner = np.empty(len(shapes.end), np.int64)
+    for number in range(len(fragments) - 1, -1, -1):  # those above others first
+        root = fragments[number].root
+        owner[root : int(shapes.end[root])] = number
+    leaves = np.flatnonzero(shapes.leaf >= 0)
+    of_leaf = np.empty(len(counts), np.int64)
+    of_leaf[shapes.leaf[leaves]] = owner[leaves]
+    pairs = np.unique(np.stack([np.repeat(of_leaf, counts), chunk], axis=1), axis=0)
+    found: dict[int, list[int]] = {fragment.root: [] for fragment in fragments}
+    for number, used in pairs.tolist():
+        found[fragments[number].root].append(used)
+    return found
 
 
 def _detail_options(parameters: BuildParameters) -> dict[str, Any]:

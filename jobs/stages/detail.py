@@ -77,6 +77,8 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     leaves_before: np.ndarray = np.cumsum(shapes.leaf >= 0) - (shapes.leaf >= 0)
     below = dict(zip(work.payload["stops"], work.places["below"], strict=True))
     root = int(work.payload["root"])
+    pieces_of = dict(zip(work.payload["chunks"], work.places["pieces"], strict=True))
+    shared_of = dict(zip(work.payload["chunks"], work.places["shared"], strict=True))
     out = _Output(work)
 
     def member(at: int) -> Member:
@@ -86,7 +88,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
         shift = int(shapes.part_start[part]) - int(shapes.mesh_start[model.parts["mesh"][part]])
         shift += int(shapes.chunk_start[chunk])
         return Member(
-            _pieces(work.place, work.places["pieces"][chunk]),
+            _pieces(work.place, pieces_of[chunk]),
             piece - int(shapes.chunk_start[chunk]),
             part,
             None if model.parts["identity"][part] else model.parts["matrix"][part],
@@ -97,7 +99,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     def shared_offers(at: int) -> list[Offer]:
         own = member(at)
         chunk = int(np.searchsorted(shapes.chunk_start, shapes.placed["piece"][at], side="right")) - 1
-        offers = _shared_offers(work.place, work.places["shared"][chunk])[own.piece]
+        offers = _shared_offers(work.place, shared_of[chunk])[own.piece]
         placed = (place_offer(offer, float(own.set.pieces["scale"][own.piece]), own, step) for offer in offers)
         return [offer for offer in placed if len(offer.triangles)]
 

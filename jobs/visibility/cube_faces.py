@@ -275,6 +275,19 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
     return n + 1
 
 
+@kernel()
+def far_part(q: np.ndarray, i0: int, i1: int, face: int) -> tuple[bool, float, float, float, float, float, float]:
+    """The part of an edge beyond NEAR: whether there is any, and (u, v, z) of its two ends, the nearer one first."""
+    ua, va, za = to_face(q, i0, face)
+    ub, vb, zb = to_face(q, i1, face)
+    if za > zb:
+        ua, va, za, ub, vb, zb = ub, vb, zb, ua, va, za
+    if za < NEAR < zb:
+        t = (NEAR - za) / (zb - za)
+        ua, va, za = ua + t * (ub - ua), va + t * (vb - va), NEAR
+    return zb > NEAR or za >= NEAR, ua, va, za, ub, vb, zb
+
+
 @kernel(inline="always")
 def _narrow(t0: float, t1: float, a: float, b: float) -> tuple[float, float]:
     """The part of [t0, t1] where a + t (b - a) <= 0."""
@@ -316,3 +329,21 @@ def hull_touches(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: flo
         return True
     t0, t1 = sweep_range(rows, a, b, u0, u1, v0, v1)
     return t0 <= t1
+
+
+@kernel()
+def sweep_extent(rows: np.ndarray, a: int, b: int, j: int) -> tuple[float, float]:
+    """The extent in u, where j <= v <= j + 1, of the rectangle swept from rows[a] to rows[b]; see `sweep_range`.
+
+    The first is above the second where the strip is missed. The rectangles that meet the strip are those of a range of
+    positions, as both ends of a rectangle in v change linearly; rounded outward.
+    """
+    if max(rows[a, 3], rows[b, 3]) < j or min(rows[a, 2], rows[b, 2]) > j + 1.0:
+        return 1.0, 0.0
+    t0, t1 = _narrow(0.0, 1.0, rows[a, 2] - (j + 1.0), rows[b, 2] - (j + 1.0))
+    t0, t1 = _narrow(t0, t1, j - rows[a, 3], j - rows[b, 3])
+    t0, t1 = max(t0 - 1e-12, 0.0), min(t1 + 1e-12, 1.0)
+    if t0 > t1:
+        return 1.0, 0.0
+    du0, du1 = rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1]
+    return rows[a, 0] + min(t0 * du0, t1 * du0), rows[a, 1] + max(t0 * du1, t1 * du1)

@@ -11,6 +11,7 @@ import numpy as np
 
 from jobs.visibility import back_faces, item_buffer, occludees, occluders
 from jobs.visibility.flood import Mesh
+from jobs.visibility.layers import clear_layers
 from jobs.visibility.soup import Soup
 
 #: The corners of the cell, those of a tetrahedron first.
@@ -20,12 +21,16 @@ PROOF_CORNERS = (
 )  # fmt: skip
 
 
+#: What is hidden up to this depth at least, in cell coordinates, is hidden however deep it is.
+FARTHEST = 8.0
+
+
 @dataclass(frozen=True)
 class EngineSettings:
     """How hard the engine tries; every setting is safe, they only trade time for tightness."""
 
     resolution: int = 256  # pixels along the edge of a cube face
-    depth_bands: int = 8  # depth buffers per face, the last one for everything however deep
+    layers: int = 4  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
@@ -33,7 +38,7 @@ class EngineSettings:
     proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 2
+    version: int = 3
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Engine:
         self._q = np.empty((len(soup.vertices), 3), np.float64)
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
-        self._depth = np.empty((6, settings.depth_bands, r, r), np.float32)
+        self._layers = np.empty((6, r, r, settings.layers, 2), np.float32)
 
     def reaching_into(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> np.ndarray:
         """Those drawables of a cut (sorted ids) of which a vertex lies in the cell: surely visible, found quickly.
@@ -115,19 +120,19 @@ class Engine:
         in_cut = np.flatnonzero(active[soup.cluster_drawable])
         nearest = np.maximum(np.maximum(cluster_lo[in_cut], -cluster_hi[in_cut]), 0).max(axis=1)
         order = in_cut[np.argsort(nearest, kind="stable")]
-        farthest = float(np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]])).max()) if len(in_cut) else 2.0
-        bands = depth_bands(self.settings.depth_bands, farthest)
-        self._depth.fill(np.inf)
+        corners = np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]]))
+        farthest = float(corners.max(initial=FARTHEST)) * (1 + 1e-6)
+        clear_layers(self._layers)
         mesh = Mesh(
             self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses
         )  # fmt: skip
         occluders.cover(
-            mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), bands,
-            self.settings.largest_flooded_set, self.settings.smallest_window, self._depth,
+            mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
+            self.settings.largest_flooded_set, self.settings.smallest_window, self._layers,
         )  # fmt: skip
         seen = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
-            cluster_lo, cluster_hi, drawable_lo, drawable_hi, bands, self._depth,
+            cluster_lo, cluster_hi, drawable_lo, drawable_hi, self._layers,
             soup.triangle_counts, -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
         visible = places[seen]
@@ -161,12 +166,3 @@ class Engine:
                 break
         proven: np.ndarray = places[seen[places]]
         return proven
-
-
-def depth_bands(count: int, farthest: float) -> np.ndarray:
-    """(count,) float64 depths in cell coordinates, geometric from 2 to half of the farthest, the last one infinite."""
-    if count == 1:
-        return np.array([np.inf])
-    top = max(farthest * 0.5, 2.0 * 1.5 ** (count - 2))
-    finite = 2.0 * (top / 2.0) ** (np.arange(count - 1) / max(count - 2, 1))
-    return np.append(finite, np.inf)

@@ -99,7 +99,14 @@ class Images(NamedTuple):
 
 @kernel(inline="always")
 def _look_at(
-    q: np.ndarray, known: np.ndarray, rows: np.ndarray, ahead: np.ndarray, vertex: int, face: int, half: float
+    q: np.ndarray,
+    known: np.ndarray,
+    rows: np.ndarray,
+    ahead: np.ndarray,
+    vertex: int,
+    face: int,
+    half: float,
+    farthest: float,
 ) -> bool:
     """Fill a vertex's row (see `Images`) for a face unless it is; whether the row may be used."""
     if known[vertex] != face:
@@ -107,7 +114,8 @@ def _look_at(
         u, v, z = to_face(q, vertex, face)
         ahead[vertex] = z >= NEAR
         if z >= NEAR:
-            rows[vertex, 0], rows[vertex, 1], rows[vertex, 2], rows[vertex, 3] = box_image(u, v, z, 1.0, half)
+            alpha = max((farthest - z) / (farthest - 1.0), 0.0)
+            rows[vertex, 0], rows[vertex, 1], rows[vertex, 2], rows[vertex, 3] = box_image(u, v, z, alpha, half)
             rows[vertex, 4] = u / z * half + half
             rows[vertex, 5] = v / z * half + half
     return ahead[vertex]
@@ -121,6 +129,7 @@ def flood_from(
     n_core: int,
     face: int,
     resolution: int,
+    farthest: float,
     least_depth: float,
     window: tuple[int, int, int, int],
     epoch: int,
@@ -135,7 +144,8 @@ def flood_from(
     Args:
         mesh, core, n_core, face, resolution: as above.
         images: of the vertices on this face.
-        least_depth: depth of the nearest band that is of use.
+        farthest: nothing is deeper, and images are inflated for this depth.
+        least_depth: of what the core may hide; at least 1.5.
         window: (i0, i1, j0, j1) pixels, both ends included.
         epoch: a number that no flood before had; seen: (m,) int32, set to it where a triangle is in the set.
         flood: (largest,) int32, receives the set; where it is full the flood stops, and edges there are unsafe.
@@ -164,9 +174,9 @@ def flood_from(
         t = flood[head]
         head += 1
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ahead = _look_at(q, known, rows, is_ahead, a, face, half)
-        ahead &= _look_at(q, known, rows, is_ahead, b, face, half)
-        ahead &= _look_at(q, known, rows, is_ahead, c, face, half)
+        ahead = _look_at(q, known, rows, is_ahead, a, face, half, farthest)
+        ahead &= _look_at(q, known, rows, is_ahead, b, face, half, farthest)
+        ahead &= _look_at(q, known, rows, is_ahead, c, face, half, farthest)
         if not ahead or (
             min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
             and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
@@ -181,7 +191,7 @@ def flood_from(
                 touches = hull_touches(rows, a, b, u0, u1, v0, v1)
             else:
                 touches = False
-                for k in range(inflate_edge(q, a, b, face, resolution, np.inf, sweep)):
+                for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
                     touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
             if not touches:
                 continue

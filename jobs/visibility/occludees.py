@@ -1,7 +1,7 @@
-"""Which boxes and triangles are hidden behind the depth buffers of `occluders`.
+"""Which boxes and triangles are hidden behind the layers that `occluders` has drawn.
 
-An occludee is hidden if each pixel of each cube face that its image touches (rounded outward) is covered at less than
-the occludee's nearest depth there, in a band that is valid for its farthest depth there. Rounding is always towards
+An occludee is hidden if each pixel of each cube face that its image touches (rounded outward) has a layer in front of
+the occludee's nearest depth there whose limit is not below its farthest depth there. Rounding is always towards
 "visible": depths must be strictly less, by more than float32's rounding, so that nothing hides itself.
 """
 
@@ -15,29 +15,21 @@ from jobs.visibility.cube_faces import (
     inverse_depth_plane,
     strip_extent,
 )
+from jobs.visibility.layers import pixel_hides
 from storage.kernels import allocating_kernel, kernel
 
 #: An occludee's nearest depth is rounded down by this factor before it is compared.
 DEPTH_DOWN = 1.0 - 5e-7
 
 
-@kernel(inline="always")
-def _band_of(z: float, bands: np.ndarray) -> int:
-    """The first band that is valid for depth z."""
-    band = 0
-    while bands[band] < z:
-        band += 1
-    return band
-
-
 @kernel()
-def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool) -> bool:
+def box_hidden(lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, at_all_depths: bool) -> bool:
     """Whether a box is hidden from the whole cell.
 
     Args:
         lo, hi: (3,) float64 the box in cell coordinates.
-        bands: (b,) float64; depth: (6, b, r, r) float32, see `occluders.cover`.
-        at_all_depths: ask the last band only: the box and everything behind it, however deep, are hidden.
+        layers: (6, r, r, k, 2) float32, see `layers`.
+        at_all_depths: whether everything behind the box, however deep, is hidden too.
 
     Returns:
         False where the box touches the cell.
@@ -48,39 +40,35 @@ def box_hidden(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndar
     ):  # fmt: skip
         return False
     for face in range(6):
-        if not box_hidden_on(face, lo, hi, bands, depth, at_all_depths):
+        if not box_hidden_on(face, lo, hi, layers, at_all_depths):
             return False
     return True
 
 
 @kernel()
-def box_hidden_on(
-    face: int, lo: np.ndarray, hi: np.ndarray, bands: np.ndarray, depth: np.ndarray, at_all_depths: bool
-) -> bool:
+def box_hidden_on(face: int, lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, at_all_depths: bool) -> bool:
     """Whether the part of a box inside one face's pyramid and outside the cell is hidden; see `box_hidden`."""
-    meets, i0, i1, j0, j1, near, far = box_on_face(lo, hi, face, depth.shape[2])
+    meets, i0, i1, j0, j1, near, far = box_on_face(lo, hi, face, layers.shape[2])
     if not meets:
         return True
-    band = bands.shape[0] - 1 if at_all_depths else _band_of(far * (1.0 + 1e-9), bands)
-    nearest = np.float32(near * DEPTH_DOWN)
+    far = np.inf if at_all_depths else far * (1.0 + 1e-9)
+    nearest = near * DEPTH_DOWN
     for j in range(j0, j1 + 1):
         for i in range(i0, i1 + 1):
-            if not depth[face, band, j, i] < nearest:
+            if not pixel_hides(layers, face, j, i, nearest, far):
                 return False
     return True
 
 
 @kernel()
-def triangle_hidden(
-    q: np.ndarray, a: int, b: int, c: int, bands: np.ndarray, depth: np.ndarray, polygon: np.ndarray
-) -> bool:
+def triangle_hidden(q: np.ndarray, a: int, b: int, c: int, layers: np.ndarray, polygon: np.ndarray) -> bool:
     """Whether a triangle that does not touch the cell is hidden from the whole cell.
 
     Args:
         q: (n, 3) float64 vertices in cell coordinates; a, b, c the corners.
         polygon: (4, 2) float64 scratch.
     """
-    resolution = depth.shape[2]
+    resolution = layers.shape[2]
     slack = 1e-6
     top = resolution - 1
     for face in range(6):
@@ -114,8 +102,7 @@ def triangle_hidden(
                         z0 = max(z0, 1.0 / (w + spread) * (1.0 - 1e-9))
                     if (w - spread) * far > 1.0:
                         z1 = min(z1, 1.0 / (w - spread) * (1.0 + 1e-9))
-                band = _band_of(z1 * (1.0 + 1e-9), bands)
-                if not depth[face, band, j, i] < np.float32(z0 * DEPTH_DOWN):
+                if not pixel_hides(layers, face, j, i, z0 * DEPTH_DOWN, z1 * (1.0 + 1e-9)):
                     return False
     return True
 
@@ -133,8 +120,7 @@ def find_visible(
     cluster_hi: np.ndarray,
     drawable_lo: np.ndarray,
     drawable_hi: np.ndarray,
-    bands: np.ndarray,
-    depth: np.ndarray,
+    layers: np.ndarray,
     counts: np.ndarray,
     most_triangles: int,
 ) -> np.ndarray:
@@ -161,17 +147,17 @@ def find_visible(
         d = drawables[k]
         if drawable_clusters[d] == drawable_clusters[d + 1]:
             continue
-        if box_hidden(drawable_lo[d], drawable_hi[d], bands, depth, False):
+        if box_hidden(drawable_lo[d], drawable_hi[d], layers, False):
             continue
         for c in range(drawable_clusters[d], drawable_clusters[d + 1]):
-            if box_hidden(cluster_lo[c], cluster_hi[c], bands, depth, False):
+            if box_hidden(cluster_lo[c], cluster_hi[c], layers, False):
                 continue
             for t in range(cluster_start[c], cluster_start[c + 1]):
                 if one_sided[d] and side[t] < 0:
                     continue
                 if (
                     (side[t] == 0 and _may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
-                    or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], bands, depth, polygon)
+                    or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], layers, polygon)
                 ):  # fmt: skip
                     visible[k] = True
                     break

@@ -24,8 +24,9 @@ image lies inside its inflated image. Results of any number of sets are united: 
 Each S is *flooded* from a small core: a safe edge is crossed only if its inflated image touches the core's rectangle.
 Edges that do not touch the rectangle cannot spoil a pixel in it, whether they are safe or not.
 
-**Depth bands.** Inflation is less for occludees that are not far behind. `bands` gives increasing depths, the last one
-infinite; a buffer is kept for each, and what is written to band b holds for occludees no deeper than bands[b].
+**Limits.** Inflation is less for occludees that are not far behind, so each pixel hides what is deeper than the set but
+not deeper than a limit: the least depth at which an unsafe edge spoils the pixel (see `silhouettes`); see `layers` for
+how the pixels of all sets are kept.
 """
 
 from __future__ import annotations
@@ -34,12 +35,14 @@ import numpy as np
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
+from jobs.visibility.layers import add_layer, pixel_hides
 from jobs.visibility.occludees import box_hidden_on
-from jobs.visibility.silhouettes import SPAN_NUMBERS, find_limits
+from jobs.visibility.silhouettes import lower_limits
 from storage.kernels import allocating_kernel, kernel
 
-#: Stored depths are rounded up by this factor: more than float32's rounding.
-DEPTH_UP = 1.0 + 5e-7
+#: Clusters whose sheet is so narrow that its silhouettes would spoil all of it at this many times its depth are not
+#: worth drawing.
+WORTH = 1.25
 
 
 @kernel()
@@ -98,12 +101,12 @@ def cover(
     cluster_lo: np.ndarray,
     cluster_hi: np.ndarray,
     cluster_breadth: np.ndarray,
-    bands: np.ndarray,
+    farthest: float,
     largest_set: int,
     smallest_window: int,
-    depth: np.ndarray,
+    layers: np.ndarray,
 ) -> tuple[int, int, int]:
-    """Draw the occlusion of all usable triangles, nearest clusters first, into the depth buffers.
+    """Draw the occlusion of all usable triangles, nearest clusters first, into layers.
 
     Args:
         mesh: the triangles; side != 0 for each usable one.
@@ -112,16 +115,16 @@ def cover(
         cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates.
         cluster_breadth: (k,) float64 in cell coordinates, see `soup`: clusters of sheets that inflated silhouettes
             would swallow whole are not tried.
-        bands: (b,) float64 increasing depths, the last one infinite.
+        farthest: nothing is deeper, on any face.
         largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
         smallest_window: cores whose image has fewer pixels on a face are not tried there.
-        depth: (6, b, r, r) float32, filled with inf before; receives the depths behind which all is hidden.
+        layers: (6, r, r, k, 2) float32, cleared before; receives what is hidden, see `layers`.
 
     Returns:
         (cores drawn, triangles flooded, pixels covered): counts for profiling.
     """
     m = mesh.triangles.shape[0]
-    resolution = depth.shape[2]
+    resolution = layers.shape[2]
     n = mesh.q.shape[0]
     images = Images(np.full(n, -1, np.int8), np.empty((n, 6), np.float64), np.empty(n, np.bool_))
     cored = np.zeros(m, np.int8)
@@ -133,17 +136,16 @@ def cover(
     unsafe = np.empty((3 * largest_set, 2), np.int32)
     polygon = np.empty((4, 2), np.float64)
     sweep = np.empty((4, 4), np.float64)
-    spans = np.empty((bands.shape[0], 2, SPAN_NUMBERS), np.float64)
-    limit = np.empty((resolution, resolution), np.uint8)
+    limit = np.empty((resolution, resolution), np.float64)
     deepest = np.empty((resolution, resolution), np.float64)
     rows = np.empty((resolution, 2), np.int32)
     q, triangles, usable = mesh.q, mesh.triangles, mesh.usable
     cores, flooded, pixels = 0, 0, 0
     for face in range(6):
         for c in cluster_order:
-            if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c], bands):
+            if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c]):
                 continue
-            if box_hidden_on(face, cluster_lo[c], cluster_hi[c], bands, depth, True):
+            if box_hidden_on(face, cluster_lo[c], cluster_hi[c], layers, True):
                 continue
             for seed in range(cluster_start[c], cluster_start[c + 1]):
                 if cored[seed] > face or not usable[seed]:
@@ -152,13 +154,12 @@ def cover(
                 found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
-                # what lies behind the core is deeper than it: bands that end before are of no use
-                first_band = 0
-                while bands[first_band] <= near:
-                    first_band += 1
+                i0, i1, j0, j1 = _open_window(layers, face, i0, i1, j0, j1, near, limit)
+                if i0 > i1:
+                    continue
                 epoch += 1
                 n_flood, n_drawn, n_unsafe = flood_from(
-                    mesh, images, core, n_core, face, resolution, bands[first_band], (i0, i1, j0, j1),
+                    mesh, images, core, n_core, face, resolution, farthest, max(near, 1.5), (i0, i1, j0, j1),
                     epoch, seen, flood, drawn, unsafe, sweep,
                 )  # fmt: skip
                 flooded += n_flood
@@ -166,36 +167,43 @@ def cover(
                 if n_drawn == 0:
                     continue
                 deepest[j0 : j1 + 1, i0 : i1 + 1] = 0.0
-                limit[j0 : j1 + 1, i0 : i1 + 1] = 0
                 for k in range(n_drawn):
                     t = drawn[k]
                     _draw_triangle(
                         q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, deepest, limit, bands.shape[0],
+                        i0, i1, j0, j1, polygon, farthest, deepest, limit,
                     )  # fmt: skip
-                if not find_limits(
-                    q,
-                    unsafe,
-                    n_unsafe,
-                    face,
-                    resolution,
-                    bands,
-                    first_band,
-                    (i0, i1, j0, j1),
-                    sweep,
-                    spans,
-                    rows,
-                    limit,
+                if not lower_limits(
+                    q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, deepest, limit
                 ):
                     continue
                 for j in range(j0, j1 + 1):
                     for i in range(rows[j, 0], rows[j, 1] + 1):
-                        if limit[j, i] > first_band:
-                            stored = np.float32(deepest[j, i] * DEPTH_UP)
+                        if limit[j, i] > 0.0:
                             pixels += 1
-                            for band in range(first_band, limit[j, i]):
-                                depth[face, band, j, i] = min(depth[face, band, j, i], stored)
+                            all_depths = limit[j, i] >= farthest
+                            add_layer(layers, face, j, i, deepest[j, i], np.inf if all_depths else limit[j, i])
     return cores, flooded, pixels
+
+
+@kernel()
+def _open_window(
+    layers: np.ndarray, face: int, i0: int, i1: int, j0: int, j1: int, near: float, limit: np.ndarray
+) -> tuple[int, int, int, int]:
+    """The part of a window where not all that is deeper than `near` is hidden yet; the first above the second for none.
+
+    limit (r, r): receives 0 where that is so, -1 elsewhere in the window.
+    """
+    least_i, most_i, least_j, most_j = i1 + 1, i0 - 1, j1 + 1, j0 - 1
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if pixel_hides(layers, face, j, i, near, np.inf):
+                limit[j, i] = -1.0
+            else:
+                limit[j, i] = 0.0
+                least_i, most_i = min(least_i, i), max(most_i, i)
+                least_j, most_j = min(least_j, j), max(most_j, j)
+    return least_i, most_i, least_j, most_j
 
 
 @kernel()
@@ -211,11 +219,13 @@ def _draw_triangle(
     j0: int,
     j1: int,
     polygon: np.ndarray,
+    farthest: float,
     deepest: np.ndarray,
     limit: np.ndarray,
-    most: int,
 ) -> None:
-    """Set `limit` to `most` where the triangle covers a centre; raise `deepest` to its depth in all it touches."""
+    """Where `limit` is not negative: make it `farthest` where the triangle covers a centre, and raise `deepest` to its
+    depth in all it touches.
+    """
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
         return
@@ -240,6 +250,8 @@ def _draw_triangle(
         last = min(int(np.floor(right + slack)), i1) if right < i1 + 1 else i1
         middle_left, middle_right = strip_extent(polygon, n, j + 0.5, j + 0.5)
         for i in range(first, last + 1):
+            if limit[j, i] < 0.0:
+                continue
             z = far
             if plane:
                 w = pa * (i + 0.5) + pb * (j + 0.5) + pc - spread
@@ -247,18 +259,13 @@ def _draw_triangle(
                     z = 1.0 / w * (1.0 + 1e-9)
             deepest[j, i] = max(deepest[j, i], z)
             if middle_left <= i + 0.5 <= middle_right:
-                limit[j, i] = most
+                limit[j, i] = farthest
 
 
 @kernel()
-def _least_inflation(lo: np.ndarray, hi: np.ndarray, bands: np.ndarray) -> float:
-    """The least alpha (see `cube_faces`) of any band that reaches behind a box; depths by the largest coordinate."""
-    near, far = 0.0, 0.0
+def _least_inflation(lo: np.ndarray, hi: np.ndarray) -> float:
+    """The alpha (see `cube_faces`) of a box's farthest point for occludees WORTH times as deep."""
+    far = 0.0
     for k in range(3):
-        near = max(near, lo[k], -hi[k])
         far = max(far, abs(lo[k]), abs(hi[k]))
-    least = 1.0
-    for band in range(bands.shape[0] - 2, -1, -1):
-        if bands[band] > near:
-            least = max(min((bands[band] - far) / (bands[band] - 1.0), 1.0), 0.0)
-    return least
+    return (WORTH - 1.0) * far / (WORTH * far - 1.0)

@@ -1,7 +1,16 @@
-"""The pixels that silhouettes spoil: up to which depth band each pixel of a core stays hidden behind its set.
+"""The pixels that silhouettes spoil: up to which depth each pixel of a core stays hidden behind its set.
 
-Unsafe edges are inflated for each band (see `cube_faces`), and the inflated images are drawn into the core's window:
-a sweep of a rectangle, row by row. They grow from band to band, so a row is gone over once, ring by ring.
+**One edge and one pixel.** A point y of an unsafe edge, at depth z, spoils a pixel for occludees at depth D where the
+box y + [-alpha, alpha]^3 touches the pixel's pyramid, alpha = (D - z) / (D - 1); see `cube_faces` for the proof. With
+[U0, U1] x [V0, V1] the pixel in the image and (u, v) the place of y, a point of the box lies on the near side of the
+plane u' = U1 z' if and only if u - U1 z <= alpha (1 + |U1|), and so on for the other three planes. So the box can touch
+the pyramid only if alpha is at least
+
+    a(y) = max(0, (u - U1 z) / (1 + |U1|), (U0 z - u) / (1 + |U0|), and the same for v),
+
+which D must exceed (z - a) / (1 - a) for if a < 1, and which no D does if a > 1. That is a maximum of functions that
+are linear along the edge, so on each piece between the places where another of them is the largest D is a quotient of
+linear functions, and least at one of the piece's ends. The least of these over the edge is the pixel's limit.
 
 Based on: X. Décoret, G. Debunne, F. Sillion: Erosion Based Visibility Preprocessing, Eurographics Symposium on
 Rendering 2003, for the erosion; see `occluders` for what the limits are used for.
@@ -11,72 +20,61 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.cube_faces import inflate_edge
+from jobs.visibility.cube_faces import SLACK, far_part, inflate_edge, sweep_extent
 from storage.kernels import kernel
 
-#: The numbers that describe a sweep to `_span`: where its rectangle begins, how that changes along the sweep, the
-#: inverses of how its ends in v change (0 where they do not), and its extent in v.
-_U0, _U1, _V0, _V1, _DU0, _DU1, _PER_V0, _PER_V1, _LEAST, _MOST = range(10)
-SPAN_NUMBERS = 10
-#: Positions along a sweep are rounded outward by this much. (Rounding in v is covered by cube_faces.SLACK.)
+#: What a pixel hides is of no use where its limit is not at least this many times its depth.
+USEFUL = 1.02
+#: Limits are rounded down by this factor; rounding in the image is covered by cube_faces.SLACK.
+DOWN = 1.0 - 1e-9
+#: Places along an edge are rounded outward by this much.
 _ALONG = 1e-12
 
 
 @kernel()
-def find_limits(
+def lower_limits(
     q: np.ndarray,
     unsafe: np.ndarray,
     n_unsafe: int,
     face: int,
     resolution: int,
-    bands: np.ndarray,
-    first_band: int,
+    farthest: float,
     window: tuple[int, int, int, int],
     sweep: np.ndarray,
-    spans: np.ndarray,
     rows: np.ndarray,
+    deepest: np.ndarray,
     limit: np.ndarray,
 ) -> bool:
-    """Lower `limit` in the window to the first band >= first_band in which an unsafe edge spoils the pixel.
+    """Lower `limit` in the window to the depth from which on an unsafe edge spoils the pixel; 0 where that is useless.
 
     Args:
         q: (n, 3) float64 cell coordinates; unsafe: (n_unsafe or more, 2) int32 vertices of edges.
-        bands: (b,) float64 increasing depths; window: (i0, i1, j0, j1) pixels, both ends included.
-        sweep: (4, 4) float64, spans: (b, 2, SPAN_NUMBERS) float64, rows: (r, 2) int32 scratch.
-        limit: (r, r) uint8: where it is 0 pixels are of no interest, elsewhere in the window it is b.
+        farthest: nothing is deeper.
+        window: (i0, i1, j0, j1) pixels, both ends included.
+        sweep: (4, 4) float64, rows: (r, 2) int32 scratch.
+        deepest: (r, r) float64 depth of the set in each pixel.
+        limit: (r, r) float64: where it is 0 pixels are of no interest.
 
     Returns:
-        False where nothing is left in any band: inflation grows with depth, so what is spoilt in the first band is
-        spoilt in all.
+        False where nothing is left.
     """
     i0, i1, j0, j1 = window
-    alive = _find_rows(limit, first_band, i0, i1, j0, j1, rows)
+    alive = find_rows(limit, i0, i1, j0, j1, rows)
     for k in range(n_unsafe):
         if alive == 0:
             return False
-        alive -= _paint(
-            q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band, first_band + 1,
-            i0, i1, j0, j1, sweep, spans, rows, limit,
-        )  # fmt: skip
-    if alive == 0:
-        return False
-    _find_rows(limit, first_band, i0, i1, j0, j1, rows)
-    for k in range(n_unsafe):
-        _paint(
-            q, unsafe[k, 0], unsafe[k, 1], face, resolution, bands, first_band + 1, bands.shape[0],
-            i0, i1, j0, j1, sweep, spans, rows, limit,
-        )  # fmt: skip
-    return True
+        alive -= _lower(q, unsafe[k, 0], unsafe[k, 1], face, resolution, farthest, j0, j1, sweep, rows, deepest, limit)
+    return alive > 0
 
 
 @kernel()
-def _find_rows(limit: np.ndarray, band: int, i0: int, i1: int, j0: int, j1: int, rows: np.ndarray) -> int:
-    """Fill `rows` with the first and the last pixel of each row whose limit is above a band; returns how many are."""
+def find_rows(limit: np.ndarray, i0: int, i1: int, j0: int, j1: int, rows: np.ndarray) -> int:
+    """Fill `rows` with the first and the last pixel of each row whose limit is above 0; returns how many are."""
     count = 0
     for j in range(j0, j1 + 1):
         first, last = i1 + 1, i0 - 1
         for i in range(i0, i1 + 1):
-            if limit[j, i] > band:
+            if limit[j, i] > 0.0:
                 first = min(first, i)
                 last = i
                 count += 1
@@ -85,117 +83,146 @@ def _find_rows(limit: np.ndarray, band: int, i0: int, i1: int, j0: int, j1: int,
 
 
 @kernel()
-def _paint(
+def _lower(
     q: np.ndarray,
     a: int,
     b: int,
     face: int,
     resolution: int,
-    bands: np.ndarray,
-    begin: int,
-    end: int,
-    i0: int,
-    i1: int,
+    farthest: float,
     j0: int,
     j1: int,
     sweep: np.ndarray,
-    spans: np.ndarray,
     rows: np.ndarray,
+    deepest: np.ndarray,
     limit: np.ndarray,
 ) -> int:
-    """Lower `limit` to the first band of begin ... end - 1 for which edge a-b, inflated, touches a pixel in `rows`.
-
-    Where rounding would let a row's extent shrink from one band to the next, the extents' union counts.
-    Returns how many pixels were lowered.
-    """
-    # the sweeps of the bands that reach the window, from the widest on; what misses it in one misses it in those before
-    begin_0, begin_1 = end, end
-    for band in range(end - 1, begin - 1, -1):
-        n = inflate_edge(q, a, b, face, resolution, bands[band], sweep)
-        reaches = False
-        if n >= 1 and begin_0 == band + 1 and _prepare(sweep, 0, spans, band, i0, i1, j0, j1):
-            begin_0 = band
-            reaches = True
-        if n == 2 and begin_1 == band + 1 and _prepare(sweep, 1, spans, band, i0, i1, j0, j1):
-            begin_1 = band
-            reaches = True
-        if not reaches:
-            break
-    lowered = 0
-    for k in range(2):
-        first_band = begin_0 if k == 0 else begin_1
-        if first_band == end:
-            continue
-        row0 = int(np.floor(max(spans[end - 1, k, _LEAST], j0)))
-        row1 = int(np.floor(min(spans[end - 1, k, _MOST], j1)))
+    """Lower the limits of the pixels in `rows` for one edge; returns how many pixels became useless."""
+    n = inflate_edge(q, a, b, face, resolution, farthest, sweep)
+    useless = 0
+    if n == 0:
+        return 0
+    far, ua, va, za, ub, vb, zb = far_part(q, a, b, face)
+    half = 0.5 * resolution
+    nearest = za
+    if zb > farthest:  # as the sweep
+        t = (farthest - za) / (zb - za)
+        ub, vb, zb = ua + t * (ub - ua), va + t * (vb - va), farthest
+    for k in range(n):
+        all_depths = k == 0 and (n == 2 or not far)
+        row0 = max(int(np.floor(max(min(sweep[2 * k, 2], sweep[2 * k + 1, 2]), 0.0))), j0)
+        row1 = min(int(np.floor(min(max(sweep[2 * k, 3], sweep[2 * k + 1, 3]), resolution - 1.0))), j1)
         for j in range(row0, row1 + 1):
             least, most = rows[j, 0], rows[j, 1]
-            done_first, done_last = most + 1, least - 1  # pixels gone over: none
-            for band in range(first_band, end):
-                if done_first <= least and done_last >= most:
-                    break
-                left, right = _span(spans, band, k, j)
-                if left > right or left >= most + 1 or right < least:
-                    continue
-                first = int(np.floor(left)) if left > least else least
-                last = int(np.floor(right)) if right < most else most
-                if done_first > done_last:
-                    done_first, done_last = first, first - 1
-                for i in range(first, done_first):
-                    if limit[j, i] > band:
-                        limit[j, i] = band
-                        lowered += 1
-                for i in range(done_last + 1, last + 1):
-                    if limit[j, i] > band:
-                        limit[j, i] = band
-                        lowered += 1
-                done_first, done_last = min(done_first, first), max(done_last, last)
-    return lowered
+            if least > most:
+                continue
+            left, right = sweep_extent(sweep, 2 * k, 2 * k + 1, j)
+            if left > right or left >= most + 1 or right < least:
+                continue
+            first = int(np.floor(left)) if left > least else least
+            last = int(np.floor(right)) if right < most else most
+            if all_depths:
+                for i in range(first, last + 1):
+                    if limit[j, i] > 0.0:
+                        limit[j, i] = 0.0
+                        useless += 1
+                continue
+            v_low, v_high = (j - SLACK) / half - 1.0, (j + 1.0 + SLACK) / half - 1.0
+            low, high = 1.0 / (1.0 + abs(v_low)), 1.0 / (1.0 + abs(v_high))
+            above_a, above_b = (va - v_high * za) * high, (vb - v_high * zb) * high
+            under_a, under_b = (v_low * za - va) * low, (v_low * zb - vb) * low
+            for i in range(first, last + 1):
+                if not limit[j, i] > nearest:
+                    continue  # no edge spoils what is nearer than it is
+                u_low, u_high = (i - SLACK) / half - 1.0, (i + 1.0 + SLACK) / half - 1.0
+                low, high = 1.0 / (1.0 + abs(u_low)), 1.0 / (1.0 + abs(u_high))
+                depth = least_depth(
+                    above_a, above_b, under_a, under_b,
+                    (ua - u_high * za) * high, (ub - u_high * zb) * high,
+                    (u_low * za - ua) * low, (u_low * zb - ub) * low,
+                    za, zb, limit[j, i],
+                )  # fmt: skip
+                if depth < limit[j, i]:
+                    if depth <= USEFUL * deepest[j, i]:
+                        limit[j, i] = 0.0
+                        useless += 1
+                    else:
+                        limit[j, i] = depth
+    return useless
 
 
 @kernel(inline="always")
-def _prepare(sweep: np.ndarray, k: int, spans: np.ndarray, band: int, i0: int, i1: int, j0: int, j1: int) -> bool:
-    """Work out the numbers of sweep k of a band; False where it misses the window."""
-    a, b = 2 * k, 2 * k + 1
-    least, most = min(sweep[a, 2], sweep[b, 2]), max(sweep[a, 3], sweep[b, 3])
-    if (
-        least > j1 + 1 or most < j0
-        or min(sweep[a, 0], sweep[b, 0]) > i1 + 1 or max(sweep[a, 1], sweep[b, 1]) < i0
-    ):  # fmt: skip
-        return False
-    spans[band, k, _U0], spans[band, k, _U1] = sweep[a, 0], sweep[a, 1]
-    spans[band, k, _V0], spans[band, k, _V1] = sweep[a, 2], sweep[a, 3]
-    spans[band, k, _DU0], spans[band, k, _DU1] = sweep[b, 0] - sweep[a, 0], sweep[b, 1] - sweep[a, 1]
-    rise0, rise1 = sweep[b, 2] - sweep[a, 2], sweep[b, 3] - sweep[a, 3]
-    spans[band, k, _PER_V0] = 1.0 / rise0 if rise0 != 0.0 else 0.0
-    spans[band, k, _PER_V1] = 1.0 / rise1 if rise1 != 0.0 else 0.0
-    spans[band, k, _LEAST], spans[band, k, _MOST] = least, most
-    return True
+def _depth_at(
+    t: float,
+    a0: float, a1: float, b0: float, b1: float, c0: float, c1: float, d0: float, d1: float, z0: float, z1: float,
+) -> float:  # fmt: skip
+    """The depth from which on the point at t spoils the pixel."""
+    alpha = max(a0 + t * (a1 - a0), b0 + t * (b1 - b0), c0 + t * (c1 - c0), d0 + t * (d1 - d0), 0.0)
+    z = z0 + t * (z1 - z0)
+    return (z - alpha) / (1.0 - alpha) * DOWN if alpha < 1.0 else np.inf
 
 
 @kernel(inline="always")
-def _span(spans: np.ndarray, band: int, k: int, j: int) -> tuple[float, float]:
-    """The extent in u of sweep k of a band where j <= v <= j + 1; the first above the second where it misses.
+def _below_one(t0: float, t1: float, a0: float, a1: float) -> tuple[float, float]:
+    """The part of [t0, t1] where a0 + t (a1 - a0) <= 1."""
+    slope = a1 - a0
+    if slope > 0.0:
+        t1 = min(t1, (1.0 - a0) / slope + _ALONG)
+    elif slope < 0.0:
+        t0 = max(t0, (1.0 - a0) / slope - _ALONG)
+    elif a0 > 1.0:
+        t1 = t0 - 1.0
+    return t0, t1
 
-    The rectangles of a sweep that meet the strip are those of a range of positions along it, as both ends of a
-    rectangle in v change linearly. The hull's part in the strip is convex, so it touches every pixel between.
+
+@kernel()
+def least_depth(
+    a0: float, a1: float, b0: float, b1: float, c0: float, c1: float, d0: float, d1: float,
+    z0: float, z1: float, enough: float,
+) -> float:  # fmt: skip
+    """The least depth from which on any point of an edge spoils a pixel; infinite where none does.
+
+    a, b, c, d: the four functions of the module's docstring at both ends (a and b for v, c and d for u); z: the depths.
+    Where the result is `enough` or more, anything so large may be returned.
     """
-    if j > spans[band, k, _MOST] or j + 1.0 < spans[band, k, _LEAST]:
-        return 1.0, 0.0
-    t0, t1 = 0.0, 1.0
-    per = spans[band, k, _PER_V0]
-    t = (j + 1.0 - spans[band, k, _V0]) * per
-    if per > 0:
-        t1 = min(t1, t + _ALONG)
-    elif per < 0:
-        t0 = max(t0, t - _ALONG)
-    per = spans[band, k, _PER_V1]
-    t = (j - spans[band, k, _V1]) * per
-    if per > 0:
-        t0 = max(t0, t - _ALONG)
-    elif per < 0:
-        t1 = min(t1, t + _ALONG)
+    t0, t1 = _below_one(0.0, 1.0, a0, a1)
+    t0, t1 = _below_one(t0, t1, b0, b1)
+    t0, t1 = _below_one(t0, t1, c0, c1)
+    t0, t1 = _below_one(t0, t1, d0, d1)
     if t0 > t1:
-        return 1.0, 0.0
-    du0, du1 = spans[band, k, _DU0], spans[band, k, _DU1]
-    return spans[band, k, _U0] + min(t0 * du0, t1 * du0), spans[band, k, _U1] + max(t0 * du1, t1 * du1)
+        return np.inf
+    # no point has less than the least of each function: is that enough already?
+    da, db, dc, dd, dz = a1 - a0, b1 - b0, c1 - c0, d1 - d0, z1 - z0
+    alpha = 0.0
+    alpha = max(alpha, min(a0 + t0 * da, a0 + t1 * da))
+    alpha = max(alpha, min(b0 + t0 * db, b0 + t1 * db))
+    alpha = max(alpha, min(c0 + t0 * dc, c0 + t1 * dc))
+    alpha = max(alpha, min(d0 + t0 * dd, d0 + t1 * dd))
+    near = min(z0 + t0 * dz, z0 + t1 * dz)
+    if alpha >= 1.0 or (near - alpha) >= enough * (1.0 - alpha):
+        return np.inf
+    least = min(
+        _depth_at(t0, a0, a1, b0, b1, c0, c1, d0, d1, z0, z1), _depth_at(t1, a0, a1, b0, b1, c0, c1, d0, d1, z0, z1)
+    )
+    for k in range(8):
+        if k == 0:
+            over, under = da, -a0
+        elif k == 1:
+            over, under = db, -b0
+        elif k == 2:
+            over, under = dc, -c0
+        elif k == 3:
+            over, under = dd, -d0
+        elif k == 4:
+            over, under = da - dc, c0 - a0
+        elif k == 5:
+            over, under = da - dd, d0 - a0
+        elif k == 6:
+            over, under = db - dc, c0 - b0
+        else:
+            over, under = db - dd, d0 - b0
+        if over != 0.0:
+            t = under / over
+            if t0 < t < t1:
+                least = min(least, _depth_at(t, a0, a1, b0, b1, c0, c1, d0, d1, z0, z1))
+    return least

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jobs.oracle import Oracle, examine
-from jobs.visibility.engine import CellVisibility, Engine, EngineSettings, depth_bands
+from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup
 
 from .scenes import Mesh, box, rooms, sheet, soup_of
 
-QUICK = EngineSettings(resolution=64, depth_bands=6, proof_resolution=32)
+QUICK = EngineSettings(resolution=64, proof_resolution=32)
 
 
 def look(soup: Soup, lo: list[float], hi: list[float], quality: EngineSettings = QUICK) -> CellVisibility:
@@ -132,16 +132,6 @@ def test_rooms_hide_other_rooms() -> None:
     assert set(found.proven) <= set(found.visible)
     assert len(found.visible) < 0.6 * len(soup.drawables)
     assert accuse(soup, lo, hi, found.visible, 30_000, 1) == []
-
-
-def test_depth_bands_increase_and_end_at_infinity() -> None:
-    for count in (1, 2, 6, 12):
-        for farthest in (1.0, 3.0, 1e5):
-            bands = depth_bands(count, farthest)
-            assert len(bands) == count
-            assert np.isinf(bands[-1])
-            assert (np.diff(bands[:-1]) > 0).all()
-            assert (bands >= 1.5).all()
 
 
 @st.composite

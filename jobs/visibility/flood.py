@@ -149,13 +149,13 @@ def flood_from(
         window: (i0, i1, j0, j1) pixels, both ends included.
         epoch: a number that no flood before had; seen: (m,) int32, set to it where a triangle is in the set.
         flood: (largest,) int32, receives the set; where it is full the flood stops, and edges there are unsafe.
-        drawn: (largest,) int32, receives those of the set that may touch the window.
+        drawn: (largest,) int32, receives those of the set, but for the core, that may touch the window.
         unsafe: (3 largest, 2) int32, receives the vertices of the unsafe edges that touch the window.
         sweep: (4, 4) float64 scratch.
 
     Returns:
-        (triangles in the set, of these to draw, unsafe edges). Nothing is to draw where one unsafe edge alone spoils
-        the whole window at `least_depth`, and thus at all depths.
+        (triangles in the set, those to draw, unsafe edges); the last is -1 where one unsafe edge alone spoils the whole
+        window at `least_depth`, and thus at all depths.
     """
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
     half = 0.5 * resolution
@@ -183,8 +183,9 @@ def flood_from(
             and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
             and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
         ):  # fmt: skip
-            drawn[n_drawn] = t
-            n_drawn += 1
+            if head > n_core:
+                drawn[n_drawn] = t
+                n_drawn += 1
         for i in range(3):
             a, b = triangles[t, i], triangles[t, (i + 1) % 3]
             if ahead:
@@ -209,7 +210,7 @@ def flood_from(
             n_sweeps = inflate_edge(q, a, b, face, resolution, least_depth, sweep)
             for k in range(2 * n_sweeps):
                 if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
-                    return n_flood, 0, n_unsafe
+                    return n_flood, 0, -1
     return n_flood, n_drawn, n_unsafe
 
 

@@ -21,8 +21,8 @@ touches the pixel (see `cube_faces`), then every x whose image lies in the pixel
 of S that touch the pixel is hidden. The whole pixel is covered, since coverage can only end at an unsafe edge, whose
 image lies inside its inflated image. Results of any number of sets are united: the nearest depth wins.
 
-Each S is *flooded* from a small core: a safe edge is crossed only if its inflated image touches the core's rectangle.
-Edges that do not touch the rectangle cannot spoil a pixel in it, whether they are safe or not.
+Each S is *flooded* from a small core, for the pixels whose centres the core covers: a safe edge is crossed only if its
+inflated image touches these pixels' rectangle. Edges that do not cannot spoil a pixel in it, safe or not.
 
 **Limits.** Inflation is less for occludees that are not far behind, so each pixel hides what is deeper than the set but
 not deeper than a limit: the least depth at which an unsafe edge spoils the pixel (see `silhouettes`); see `layers` for
@@ -154,7 +154,15 @@ def cover(
                 found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
-                i0, i1, j0, j1 = _open_window(layers, face, i0, i1, j0, j1, near, limit)
+                if not _open_pixels(layers, face, i0, i1, j0, j1, near, deepest, limit):
+                    continue
+                for k in range(n_core):
+                    t = core[k]
+                    _draw_triangle(
+                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
+                        i0, i1, j0, j1, polygon, True, farthest, deepest, limit,
+                    )  # fmt: skip
+                i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
                 if i0 > i1:
                     continue
                 epoch += 1
@@ -164,14 +172,13 @@ def cover(
                 )  # fmt: skip
                 flooded += n_flood
                 cores += 1
-                if n_drawn == 0:
+                if n_unsafe < 0:
                     continue
-                deepest[j0 : j1 + 1, i0 : i1 + 1] = 0.0
                 for k in range(n_drawn):
                     t = drawn[k]
                     _draw_triangle(
                         q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, farthest, deepest, limit,
+                        i0, i1, j0, j1, polygon, False, farthest, deepest, limit,
                     )  # fmt: skip
                 if not lower_limits(
                     q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, deepest, limit
@@ -187,20 +194,38 @@ def cover(
 
 
 @kernel()
-def _open_window(
-    layers: np.ndarray, face: int, i0: int, i1: int, j0: int, j1: int, near: float, limit: np.ndarray
-) -> tuple[int, int, int, int]:
-    """The part of a window where not all that is deeper than `near` is hidden yet; the first above the second for none.
+def _open_pixels(
+    layers: np.ndarray,
+    face: int,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    near: float,
+    deepest: np.ndarray,
+    limit: np.ndarray,
+) -> bool:
+    """Whether a window has pixels where not all that is deeper than `near` is hidden yet.
 
-    limit (r, r): receives 0 where that is so, -1 elsewhere in the window.
+    deepest (r, r): receives 0 in the window; limit (r, r): receives 0 in those pixels, -1 in the others.
     """
+    found = False
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            hidden = pixel_hides(layers, face, j, i, near, np.inf)
+            limit[j, i] = -1.0 if hidden else 0.0
+            deepest[j, i] = 0.0
+            found |= not hidden
+    return found
+
+
+@kernel()
+def _covered_window(i0: int, i1: int, j0: int, j1: int, limit: np.ndarray) -> tuple[int, int, int, int]:
+    """The part of a window where `limit` is positive; the first above the second where there is none."""
     least_i, most_i, least_j, most_j = i1 + 1, i0 - 1, j1 + 1, j0 - 1
     for j in range(j0, j1 + 1):
         for i in range(i0, i1 + 1):
-            if pixel_hides(layers, face, j, i, near, np.inf):
-                limit[j, i] = -1.0
-            else:
-                limit[j, i] = 0.0
+            if limit[j, i] > 0.0:
                 least_i, most_i = min(least_i, i), max(most_i, i)
                 least_j, most_j = min(least_j, j), max(most_j, j)
     return least_i, most_i, least_j, most_j
@@ -219,12 +244,15 @@ def _draw_triangle(
     j0: int,
     j1: int,
     polygon: np.ndarray,
+    core: bool,
     farthest: float,
     deepest: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Where `limit` is not negative: make it `farthest` where the triangle covers a centre, and raise `deepest` to its
-    depth in all it touches.
+    """Raise `deepest` to a triangle's depth in the pixels that it touches.
+
+    Of a core's triangles in all pixels whose limit is not negative, and it becomes `farthest` where they cover the
+    centre. Of others in pixels with a positive limit.
     """
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
@@ -250,7 +278,7 @@ def _draw_triangle(
         last = min(int(np.floor(right + slack)), i1) if right < i1 + 1 else i1
         middle_left, middle_right = strip_extent(polygon, n, j + 0.5, j + 0.5)
         for i in range(first, last + 1):
-            if limit[j, i] < 0.0:
+            if limit[j, i] < 0.0 or (limit[j, i] == 0.0 and not core):
                 continue
             z = far
             if plane:
@@ -258,7 +286,7 @@ def _draw_triangle(
                 if w * far > 1.0:
                     z = 1.0 / w * (1.0 + 1e-9)
             deepest[j, i] = max(deepest[j, i], z)
-            if middle_left <= i + 0.5 <= middle_right:
+            if core and middle_left <= i + 0.5 <= middle_right:
                 limit[j, i] = farthest
 
 

@@ -142,7 +142,7 @@ def flood_from(
     """Grow a core across safe edges whose inflated images touch a window of pixels.
 
     Args:
-        mesh, core, n_core, face, resolution: as above.
+        mesh, core, n_core, face, resolution: as above; n_core is at most `largest`.
         images: of the vertices on this face.
         farthest: nothing is deeper, and images are inflated for this depth.
         least_depth: of what the core may hide; at least 1.5.
@@ -165,7 +165,7 @@ def flood_from(
     triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
     known, rows, is_ahead = images.known, images.rows, images.ahead
     n_flood, n_drawn, n_unsafe = 0, 0, 0
-    for k in range(min(n_core, flood.shape[0])):
+    for k in range(n_core):
         flood[n_flood] = core[k]
         seen[core[k]] = epoch
         n_flood += 1
@@ -177,15 +177,17 @@ def flood_from(
         ahead = _look_at(q, known, rows, is_ahead, a, face, half, farthest)
         ahead &= _look_at(q, known, rows, is_ahead, b, face, half, farthest)
         ahead &= _look_at(q, known, rows, is_ahead, c, face, half, farthest)
-        if not ahead or (
-            min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
-            and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
-            and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
-            and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
-        ):  # fmt: skip
-            if head > n_core:
-                drawn[n_drawn] = t
-                n_drawn += 1
+        if head > n_core and (
+            not ahead
+            or (
+                min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
+                and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
+                and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
+                and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
+            )
+        ):
+            drawn[n_drawn] = t
+            n_drawn += 1
         for i in range(3):
             a, b = triangles[t, i], triangles[t, (i + 1) % 3]
             if ahead:

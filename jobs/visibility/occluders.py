@@ -151,6 +151,7 @@ def cover(
                 if cored[seed] > face or not usable[seed]:
                     continue
                 n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], face + 1, cored, core)
+                n_core = min(n_core, largest_set)
                 found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from jobs.oracle import Oracle, examine
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
@@ -132,52 +130,3 @@ def test_rooms_hide_other_rooms() -> None:
     assert set(found.proven) <= set(found.visible)
     assert len(found.visible) < 0.6 * len(soup.drawables)
     assert accuse(soup, lo, hi, found.visible, 30_000, 1) == []
-
-
-@st.composite
-def nasty_scenes(draw: st.DrawFn) -> tuple[list[Mesh], np.ndarray, np.ndarray]:
-    """Few meshes near a cell: slivers, coplanar and coincident faces, cracks, touching corners, huge and tiny ones."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    half = draw(st.sampled_from([[8, 8, 8], [64, 8, 1], [1, 1, 100], [40, 40, 40]]))
-    meshes: list[Mesh] = []
-    for _ in range(draw(st.integers(2, 14))):
-        kind = draw(st.sampled_from(["box", "sheet", "fan", "sliver", "copy", "crack", "soup"]))
-        at = rng.integers(-300, 300, 3)
-        extent = rng.integers(1, draw(st.sampled_from([4, 60, 500])), 3) + 1
-        if kind == "box":
-            meshes.append(box(tuple(at), tuple(at + extent)))
-        elif kind == "sheet":
-            flat = int(rng.integers(0, 3))
-            end = at + extent * 4
-            end[flat] = at[flat]
-            meshes.append(sheet(tuple(at), tuple(end), int(rng.integers(1, 6))))
-        elif kind == "fan":
-            around = rng.integers(-200, 200, (6, 3)) + at
-            points = np.concatenate([[at], around, [at + extent]]).astype(np.int32)
-            meshes.append((points, np.array([[0, 7, i] for i in range(1, 7)])))
-        elif kind == "sliver":
-            points = np.array([at, at + extent * 5, at + extent * 5 + rng.integers(0, 2, 3)], np.int32)
-            meshes.append((points, np.array([[0, 1, 2]])))
-        elif kind == "copy" and meshes:
-            positions, triangles = meshes[-1]
-            meshes.append((positions.copy(), triangles[:, ::-1].copy()))
-        elif kind == "crack" and meshes:
-            positions, triangles = meshes[-1]
-            meshes.append(((positions + rng.integers(-1, 2, 3)).astype(np.int32), triangles))
-        else:
-            points = (rng.integers(-150, 150, (9, 3)) + at).astype(np.int32)
-            meshes.append((points, rng.integers(0, 9, (int(rng.integers(1, 9)), 3))))
-    centre = rng.integers(-60, 60, 3)
-    return meshes, centre - np.array(half, float), centre + np.array(half, float)
-
-
-@settings(max_examples=150, deadline=None, derandomize=True)
-@given(nasty_scenes(), st.booleans(), st.sampled_from([1, 3, 32]))
-def test_no_drawable_is_ever_missed(
-    scene: tuple[list[Mesh], np.ndarray, np.ndarray], one_sided: bool, cluster_size: int
-) -> None:
-    meshes, lo, hi = scene
-    soup = soup_of(meshes, one_sided=one_sided, cluster_size=cluster_size)
-    found = look(soup, list(lo), list(hi))
-    assert accuse(soup, lo, hi, found.visible, 600, 5) == []
-    assert set(found.proven) <= set(found.visible)

@@ -71,14 +71,16 @@ def build_soup(
     """
     ids = np.asarray(drawables, np.int64)
     owner = np.repeat(np.arange(len(ids), dtype=np.int32), counts)
-    index, first = topology.weld(np.ascontiguousarray(points, np.int32))
+    with np.errstate(over="ignore"):  # hashes wrap around, which numpy tells of where kernels are not compiled
+        index, first = topology.weld(np.ascontiguousarray(points, np.int32))
     vertices = points[first].astype(np.int32)
     welded = index[corners].astype(np.int32).reshape(-1, 3)
     a, b, c = (vertices[welded[:, i]].astype(np.float64) for i in range(3))
     keep = (np.cross(b - a, c - a) != 0).any(axis=1)
     welded, owner = welded[keep], owner[keep]
 
-    triangle_edges, _, start, uses = topology.edges(welded)
+    with np.errstate(over="ignore"):
+        triangle_edges, _, start, uses = topology.edges(welded)
     order, offsets = topology.clusters(triangle_edges, start, uses, owner, cluster_size)
     welded, owner = welded[order], owner[order]
     triangle_edges = triangle_edges[order]

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -130,3 +135,38 @@ def test_rooms_hide_other_rooms() -> None:
     assert set(found.proven) <= set(found.visible)
     assert len(found.visible) < 0.6 * len(soup.drawables)
     assert accuse(soup, lo, hi, found.visible, 30_000, 1) == []
+
+
+def test_kernels_run_without_compilation() -> None:
+    """The same code in plain Python sees the same, in a scene small enough for it."""
+    program = """
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from jobs.visibility.engine import Engine, EngineSettings
+from tests.jobs.visibility.nasty import nasty_scene
+from tests.jobs.visibility.scenes import soup_of
+for number in range(6):
+    attack = nasty_scene(np.random.default_rng([5, number]))
+    soup = soup_of(attack.meshes[:6])
+    settings = EngineSettings(resolution=16, proof_resolution=8, smallest_window=1)
+    found = Engine(soup, settings).visible_from(attack.lo, attack.hi, soup.drawables)
+    print(found.visible.tolist(), found.proven.tolist())
+"""
+    root = str(Path(__file__).parents[3])
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": root},
+            cwd=root,
+        ).stdout
+        for disabled in ("0", "1")
+    ]
+    assert outputs[0] == outputs[1]
+    assert len(outputs[0].splitlines()) == 6

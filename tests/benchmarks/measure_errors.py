@@ -56,7 +56,7 @@ def measure(name: str, points: int, seed: int = 1) -> dict[str, Any]:
             found = float(max(distances(there, *mesh).max(), distances(back, *surface).max()))
             taken += len(there)
             rounding = 1e-12 * float(np.abs(surface[0]).max())
-            above += found > row["error"] + rounding
+            above += int(found > row["error"] + rounding)
             worst = max(worst, found / float(row["error"]) if row["error"] > rounding else 0.0)
         ratios = {}
         for kind, which in (("leaves", ~inner & (rows["level"] > 0)), ("inner", inner)):

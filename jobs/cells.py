@@ -25,6 +25,9 @@ from storage.tables import CELL
 #: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
 
+#: Goes with a cell's key into the seed of the rays that measure what sampling missed.
+HOLD_OUT = 0x686F6C64
+
 
 @dataclass(frozen=True)
 class CellParameters:
@@ -208,4 +211,8 @@ def _compute_cell(
     cell["cut_drawables"], cell["cut_triangles"] = len(cut), cut_triangles
     cell["drawables"], cell["triangles"] = len(found.visible), triangles
     cell["proven_drawables"], cell["proven_triangles"] = len(found.proven), int(counts[found.proven].sum())
+    if parameters.engine.sampled:
+        rng = np.random.default_rng([HOLD_OUT, key])
+        cell["hold_out_rays"] = parameters.engine.hold_out_rays
+        cell["missed_rays"] = engine.count_misses(grid_lo, grid_hi, cut, found.visible, rng)
     return cell, found.visible

@@ -53,6 +53,12 @@ class _Corners(click.Option):
 @click.option(
     "--pixel-error", type=float, default=1.0, show_default=True, help="Allowed error on the screen, in pixels."
 )
+@click.option(
+    "--sampled",
+    is_flag=True,
+    help="Keep for each cell what rays from it meet, and nothing else: an approximation that may miss what can be "
+    "seen. The chance of a wrong pixel is measured with other rays and stored. Default: miss nothing.",
+)
 @click.option("--screen-height", type=int, default=1080, show_default=True, help="Of the viewer's screen, in pixels.")
 @click.option(
     "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
@@ -246,12 +252,17 @@ def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from storage.info import SAMPLED
+
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")
     table.add_row("boundaries checked", f"{report['boundaries']:,}")
     table.add_row("cells sampled", f"{report['sampled_cells']:,}")
     table.add_row("rays", f"{report['rays']:,}")
     table.add_row("missed drawables", f"{report['missed']:,}")
+    table.add_row("missed pixels", _chance(report["missed_rays"], report["uniform_rays"]))
+    if report["sampled"]:
+        table.add_row("missed pixels, as stored", _chance(report["stored_missed_rays"], report["stored_rays"]))
     for unit, value in report["tightness"].items():
         table.add_row(f"reported / seen {unit}", "-" if value is None else f"{value:.2f}")
     table.add_row("seconds", f"{report['seconds']:.1f}")
@@ -261,4 +272,10 @@ def _print_verification(report: dict[str, Any]) -> None:
         console.print(f"[red]{problem}[/red]", highlight=False, soft_wrap=True)
     if report["problems_untold"]:
         console.print(f"and {report['problems_untold']} more")
-    console.print("sound" if report["ok"] else "NOT sound")
+    verdict = "sound" if report["ok"] else "NOT sound"
+    console.print(f"{verdict}; {SAMPLED}" if report["sampled"] else verdict, soft_wrap=True)
+
+
+def _chance(missed: int, rays: int) -> str:
+    """A share of rays, and of how many."""
+    return f"{missed / rays:.2g} ({missed:,} of {rays:,} rays)" if rays else "-"

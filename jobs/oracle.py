@@ -154,6 +154,8 @@ class Findings:
     seen: np.ndarray  # (k,) sorted drawables
     missed: list[Sight]  # drawables seen but not reported, confirmed in double precision
     refuted: int  # suspected drawables whose hits double precision did not confirm
+    uniform: int  # rays in uniform directions
+    missed_rays: int  # of these, met one of the missed drawables first
 
 
 def examine(
@@ -182,7 +184,7 @@ def examine(
     ends = np.append(starts[1:], len(owner))
     rays = 0
 
-    def shoot(origins: np.ndarray, directions: np.ndarray) -> None:
+    def shoot(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         nonlocal rays
         rays += len(origins)
         found, _ = oracle.cast(origins, directions)
@@ -196,10 +198,11 @@ def examine(
                 rows = suspects.setdefault(drawable, [])
                 if len(rows) < CONFIRMATIONS:
                     rows.append((origins[ray], directions[ray], int(found[ray])))
+        return owner[found[hits]]
 
     uniform = samples - 2 * (samples // 3)
     points = surface_points(lo, hi, uniform, rng)
-    shoot(points, rng.normal(size=(uniform, 3)).astype(np.float32))
+    first = shoot(points, rng.normal(size=(uniform, 3)).astype(np.float32))
     left = samples - uniform
     rounds = 4
     for part in range(rounds):
@@ -233,4 +236,5 @@ def examine(
                 break
         else:
             refuted += 1
-    return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted)
+    missed_rays = int(np.isin(first, [sight.drawable for sight in missed]).sum())
+    return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted, uniform, missed_rays)

@@ -4,7 +4,8 @@ What is checked:
 - every checksum of every shard and of the manifest;
 - every delta across a boundary is consistent with the vLODs of both its cells;
 - every cell's vLOD is part of its cut, and the cut stands for every node once, at an error below the pixel error;
-- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`).
+- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`); in a store
+  made with --sampled, how many do is measured instead.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ class CellFindings:
     reported_triangles: int
     seen_triangles: int
     missed: int
+    uniform_rays: int
+    missed_rays: int
     refuted: int
     seconds: float
 
@@ -62,8 +65,11 @@ class VerifyReport:
     boundaries: int  # boundaries whose deltas were checked
     samples: int  # rays asked for in each sampled cell
     seed: int
+    approximate: bool  # the store was made by sampling: what it misses is measured and is no problem
     sampled: list[CellFindings] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    stored_rays: int = 0  # hold-out rays of the sampled cells, as the store says
+    stored_missed_rays: int = 0  # of these, missed
     untold: int = 0  # problems beyond those that are spelled out
     seconds: float = 0.0
 
@@ -76,6 +82,16 @@ class VerifyReport:
     def missed(self) -> int:
         """Drawables seen by the oracle but missing from a cell's vLOD."""
         return sum(cell.missed for cell in self.sampled)
+
+    @property
+    def uniform_rays(self) -> int:
+        """Rays in uniform directions: each as good as a pixel of somebody in a cell."""
+        return sum(cell.uniform_rays for cell in self.sampled)
+
+    @property
+    def missed_rays(self) -> int:
+        """Uniform rays that met a missed drawable first: pixels that would be wrong."""
+        return sum(cell.missed_rays for cell in self.sampled)
 
     @property
     def rays(self) -> int:
@@ -103,6 +119,11 @@ class VerifyReport:
             "samples_per_cell": self.samples,
             "rays": self.rays,
             "missed": self.missed,
+            "sampled": self.approximate,
+            "uniform_rays": self.uniform_rays,
+            "missed_rays": self.missed_rays,
+            "stored_rays": self.stored_rays,
+            "stored_missed_rays": self.stored_missed_rays,
             "refuted": sum(cell.refuted for cell in self.sampled),
             "tightness": self.tightness,
             "seconds": round(self.seconds, 3),
@@ -150,7 +171,9 @@ def verify(
     began = time.perf_counter()
     store = open_store(url)
     computed = np.flatnonzero(store.cells["computed"])
-    report = VerifyReport(store=url, cells=len(computed), boundaries=0, samples=samples, seed=seed)
+    report = VerifyReport(
+        store=url, cells=len(computed), boundaries=0, samples=samples, seed=seed, approximate=store.manifest.sampled
+    )
     for count, problem in enumerate(store.check(), 1):
         report.tell(count, str(problem))
     if report.ok:
@@ -164,8 +187,11 @@ def verify(
                 if found is not None:
                     before = report.missed
                     report.sampled.append(found[0])
-                    for count, line in enumerate(_accusations(store, int(cell), found[1]), before + 1):
-                        report.tell(count, line)
+                    report.stored_rays += int(store.cells["hold_out_rays"][cell])
+                    report.stored_missed_rays += int(store.cells["missed_rays"][cell])
+                    if not report.approximate:
+                        for count, line in enumerate(_accusations(store, int(cell), found[1]), before + 1):
+                            report.tell(count, line)
                 if progress is not None:
                     progress(done, len(chosen))
     report.seconds = time.perf_counter() - began
@@ -306,6 +332,8 @@ class _Examiner:
             reported_triangles=int(counts[vlod].sum()),
             seen_triangles=int(counts[found.seen].sum()),
             missed=len(found.missed),
+            uniform_rays=found.uniform,
+            missed_rays=found.missed_rays,
             refuted=found.refuted,
             seconds=round(time.perf_counter() - began, 4),
         )

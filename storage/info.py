@@ -17,6 +17,11 @@ from storage.store import Store, open_store
 #: How many of the cells with the largest gaps are named.
 WORST = 5
 
+#: Where the bins of the histogram of cells by tightness begin; cells of which nothing is proven are in the last one.
+BINS = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
+#: Characters of the histogram's longest bar.
+BAR = 24
+
 #: What the kinds of frames are called.
 _KINDS = {
     Kind.GEOMETRY: "meshes",
@@ -26,6 +31,13 @@ _KINDS = {
     Kind.KEY_SET: "key sets of cells",
     Kind.DELTAS: "changes across boundaries",
 }
+
+
+#: What the certificate counts.
+_UNITS = ("drawables", "triangles")
+
+#: How a store says that it may miss something.
+SAMPLED = "made by sampling (--sampled): cells may miss what can be seen"
 
 
 class Section(NamedTuple):
@@ -59,6 +71,7 @@ def collect(store: Store) -> dict[str, Any]:
         "version": manifest.version,
         "model": dict(manifest.model),
         "parameters": dict(manifest.parameters),
+        "sampled": manifest.sampled,
         "pixel_angle": manifest.pixel_angle,
         "counts": manifest.counts,
         "levels": _levels(store),
@@ -104,11 +117,15 @@ def _cells(store: Store) -> dict[str, Any]:
         "median_triangles": float(np.median(reported)),
         "largest_triangles": int(reported.max()),
         "cut_triangles": int(cells["cut_triangles"].sum(dtype=np.int64)),
+        "cut_drawables": int(cells["cut_drawables"].sum(dtype=np.int64)),
         "reported_triangles": int(reported.sum()),
         "proven_triangles": int(proven.sum()),
         "reported_drawables": int(cells["drawables"].sum(dtype=np.int64)),
         "proven_drawables": int(cells["proven_drawables"].sum(dtype=np.int64)),
         "tightness": _ratio(reported.sum(), proven.sum()),
+        "hold_out_rays": int(cells["hold_out_rays"].sum(dtype=np.int64)),
+        "missed_rays": int(cells["missed_rays"].sum(dtype=np.int64)),
+        "histogram": _histogram(reported, proven),
         "worst": [
             {
                 "cell": int(numbers[at]),
@@ -116,11 +133,27 @@ def _cells(store: Store) -> dict[str, Any]:
                 "hi": cells["hi"][at].tolist(),
                 "reported_triangles": int(reported[at]),
                 "proven_triangles": int(proven[at]),
+                "cut_triangles": int(cells["cut_triangles"][at]),
+                "reported_drawables": int(cells["drawables"][at]),
+                "proven_drawables": int(cells["proven_drawables"][at]),
+                "cut_drawables": int(cells["cut_drawables"][at]),
                 "tightness": _ratio(reported[at], proven[at]),
             }
             for at in worst.tolist()
         ],
     }
+
+
+def _histogram(reported: np.ndarray, proven: np.ndarray) -> list[dict[str, Any]]:
+    """How many cells are how tight, by triangles (n,) reported and proven visible; `to` is None in the last bin."""
+    bound = np.full(len(reported), np.inf)
+    bound[reported == proven] = 1.0
+    np.divide(reported, proven, out=bound, where=proven > 0)
+    counts = np.bincount(np.searchsorted(BINS, bound, side="right") - 1, minlength=len(BINS)).tolist()
+    return [
+        {"from": low, "to": high, "cells": count}
+        for low, high, count in zip(BINS, (*BINS[1:], None), counts, strict=True)
+    ]
 
 
 def _bytes(store: Store) -> dict[str, Any]:
@@ -157,6 +190,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
                 ("digest", str(model["digest"])),
                 ("instances", f"{counts['instances']:,}"),
                 ("nodes", f"{counts['nodes']:,}, {counts['leaves']:,} of them leaves"),
+                *([("approximation", SAMPLED)] if facts["sampled"] else []),
                 ("pixel angle", f"{facts['pixel_angle']:.3g} model units per unit of distance"),
             ],
         ),
@@ -176,7 +210,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
         ),
     ]
     if cells["computed"]:
-        found += _cell_sections(cells)
+        found += _cell_sections(cells, facts["sampled"])
     else:
         found.append(Section("Cells", (), [("computed", f"0 of {cells['cells']:,}")]))
     sizes = facts["bytes"]
@@ -193,8 +227,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
     return found
 
 
-def _cell_sections(cells: dict[str, Any]) -> list[Section]:
-    hidden = 1 - cells["reported_triangles"] / max(1, cells["cut_triangles"])
+def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
     depths = [f"{count:,} at depth {depth}" for depth, count in cells["depths"].items()]
     rows = [
         ("computed", f"{cells['computed']:,} of {cells['cells']:,}"),
@@ -206,22 +239,55 @@ def _cell_sections(cells: dict[str, Any]) -> list[Section]:
             "triangles in a vLOD",
             f"{cells['median_triangles']:,.0f} (median), {cells['largest_triangles']:,} (largest)",
         ),
-        ("hidden", f"{100 * hidden:.1f} % of the cuts' triangles"),
-        ("tightness", f"{_times(cells['tightness'])} (triangles reported / proven visible)"),
+        ("tightness at most", f"{_times(cells['tightness'])} (triangles reported / proven visible)"),
+    ]
+    if sampled:
+        rays, missed = cells["hold_out_rays"], cells["missed_rays"]
+        rows.append(("missed pixels", f"{missed / max(1, rays):.2g} ({missed:,} of {rays:,} rays)"))
+    counts = {unit: [cells[f"{kind}_{unit}"] for kind in ("proven", "reported", "cut")] for unit in _UNITS}
+    hidden = "met by no ray" if sampled else "proven hidden"
+    certificate = [
+        (
+            name,
+            *(f"{part[unit]:,}" for unit in _UNITS),
+            *(f"{100 * part[unit] / max(1, counts[unit][2]):.2f} %" for unit in _UNITS),
+        )
+        for name, part in (
+            ("proven visible", {unit: proven for unit, (proven, _, _) in counts.items()}),
+            ("undecided", {unit: reported - proven for unit, (proven, reported, _) in counts.items()}),
+            (hidden, {unit: cut - reported for unit, (_, reported, cut) in counts.items()}),
+        )
+    ]
+    most = max(part["cells"] for part in cells["histogram"])
+    histogram = [
+        (
+            f"{part['from']:g} to {part['to']:g}" if part["to"] else f"{part['from']:g} or more",
+            f"{part['cells']:,}",
+            f"{100 * part['cells'] / cells['computed']:.1f} %",
+            ("#" * -(-BAR * part["cells"] // most)).ljust(BAR),
+        )
+        for part in cells["histogram"]
     ]
     worst = [
         (
             str(row["cell"]),
             f"{row['reported_triangles']:,}",
             f"{row['proven_triangles']:,}",
+            f"{row['cut_triangles']:,}",
             _times(row["tightness"]),
-            ", ".join(f"{(low + high) / 2:.3g}" for low, high in zip(row["lo"], row["hi"], strict=True)),
+            " to ".join(" ".join(f"{value:.4g}" for value in row[corner]) for corner in ("lo", "hi")),
         )
         for row in cells["worst"]
     ]
     return [
         Section("Cells", (), rows),
-        Section("Cells with the largest gaps", ("cell", "reported", "proven", "tightness", "centre"), worst),
+        Section(
+            "Certificate, all cells together",
+            ("of the cuts", "drawables", "triangles", "drawables", "triangles"),
+            certificate,
+        ),
+        Section("Cells by tightness", ("reported / proven", "cells", "share", "".ljust(BAR)), histogram),
+        Section("Cells with the largest gaps", ("cell", "reported", "proven", "cut", "tightness", "box"), worst),
     ]
 
 

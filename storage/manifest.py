@@ -20,7 +20,7 @@ from storage.errors import CorruptStoreError, StoreFormatError
 from storage.frames import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
-FORMAT = 2
+FORMAT = 3
 
 FILE = "manifest.json"
 
@@ -51,6 +51,11 @@ class Manifest:
         """How many parts, nodes, drawables, cells and so on the store holds."""
         cells = self.cells["counts"] if self.cells else {}
         return {**self.geometry["counts"], **cells}
+
+    @property
+    def sampled(self) -> bool:
+        """Whether cells hold what rays met, and so may miss what can be seen (`vlod build --sampled`)."""
+        return bool(self.parameters.get("sampled", False))
 
     def shards(self) -> Iterator[tuple[str, ShardRecord]]:
         """What each shard is for (tables, geometry, cell table, cells), and the shard."""

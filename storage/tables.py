@@ -93,8 +93,10 @@ CELL = np.dtype(
         ("cut_triangles", "<u8"),
         ("drawables", "<u4"),  # drawables reported as visible: the size of the cell's vLOD
         ("triangles", "<u8"),  # triangles reported as visible
-        ("proven_drawables", "<u4"),  # of these, proven visible by sampling from the cell
+        ("proven_drawables", "<u4"),  # of these, proven visible: a ray from the cell surely meets them first
         ("proven_triangles", "<u8"),
+        ("hold_out_rays", "<u4"),  # rays that measured what sampling missed (--sampled); 0: the vLOD misses nothing
+        ("missed_rays", "<u4"),  # of these, met first what is not in the vLOD
     ]
 )
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import back_faces, item_buffer, occludees, occluders
+from jobs.visibility import aimed_rays, back_faces, item_buffer, occludees, occluders, ray_tree
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.soup import Soup
@@ -21,24 +21,32 @@ PROOF_CORNERS = (
 )  # fmt: skip
 
 
+#: Item buffers are drawn from a little inside these corners, as aimed rays start.
+EYE = 1.0 - aimed_rays.INSET
+
 #: What is hidden up to this depth at least, in cell coordinates, is hidden however deep it is.
 FARTHEST = 8.0
 
 
 @dataclass(frozen=True)
 class EngineSettings:
-    """How hard the engine tries; every setting is safe, they only trade time for tightness."""
+    """How hard the engine tries; every setting but `sampled` is safe, they only trade time for tightness."""
 
     resolution: int = 256  # pixels along the edge of a cube face
     layers: int = 4  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
-    proof_resolution: int = 128  # pixels along the edge of an item buffer's cube face; 0: prove nothing
-    proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
+    proof_resolution: int = 64  # pixels along the edge of an item buffer's cube face; 0: prove nothing
+    proof_points: int = 2  # corners of the cell from which item buffers are drawn, 8 at most
+    aimed_rays: int = 512  # at each drawable that item buffers do not prove visible, at most
+    sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
+    sampling_rays: int = 20_000  # in all directions, of a sampled cell
+    sampling_aimed_rays: int = 32  # at each drawable that these do not meet, at most
+    hold_out_rays: int = 10_000  # that measure what a sampled cell misses
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 3
+    version: int = 4
 
 
 @dataclass(frozen=True)
@@ -47,6 +55,19 @@ class CellVisibility:
 
     visible: np.ndarray  # (k,) int64 sorted ids: a superset of what can be seen
     proven: np.ndarray  # (p,) int64 sorted ids among them, seen from points of the cell
+
+
+@dataclass(frozen=True)
+class _Glimpses:
+    """What item buffers from some points showed of all drawables: see `item_buffer.see`."""
+
+    triangle: np.ndarray  # (points, drawables) int32
+    pixel: np.ndarray  # (points, drawables) int32
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(drawables,) bool."""
+        return np.asarray((self.triangle >= 0).any(axis=0), np.bool_)
 
 
 class Engine:
@@ -60,6 +81,11 @@ class Engine:
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32)
+        self._first = soup.cluster_start[soup.drawable_clusters]
+        self._scene = ray_tree.Scene(
+            *ray_tree.build_tree(soup.cluster_lo, soup.cluster_hi), soup.vertices, soup.triangles, soup.cluster_start,
+            soup.cluster_drawable, soup.triangle_drawable, soup.one_sided,
+        )  # fmt: skip
 
     def reaching_into(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> np.ndarray:
         """Those drawables of a cut (sorted ids) of which a vertex lies in the cell: surely visible, found quickly.
@@ -97,6 +123,8 @@ class Engine:
             soup.drawable_lo[solid], soup.drawable_hi[solid], lo, hi, soup.cone_axis[solid], soup.cone_angle[solid]
         )
         places = np.setdiff1d(places, solid[backs], assume_unique=True)
+        if self.settings.sampled:
+            return self._sample(lo, hi, places, most_triangles)
         active = np.zeros(len(soup.drawables), np.bool_)
         active[places] = True
         centre = 0.5 * (lo + hi)
@@ -104,11 +132,11 @@ class Engine:
         half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
         occluders.to_cell_coordinates(soup.vertices, centre, half, self._q)
         occluders.find_sides(soup.vertices, soup.triangles, soup.triangle_drawable, active, centre, half, self._side)
-        proven: np.ndarray | None = None
+        glimpses: _Glimpses | None = None
         if most_triangles is not None and soup.triangle_counts[places].sum() > most_triangles:
             # seeing too much already is quicker to find out than how much too much
-            proven = self._prove(places, most_triangles)
-            if soup.triangle_counts[proven].sum() > most_triangles:
+            glimpses = self._glimpse(places, most_triangles)
+            if soup.triangle_counts[glimpses.seen].sum() > most_triangles:
                 return None
         side = self._side
         usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
@@ -138,31 +166,87 @@ class Engine:
         visible = places[seen]
         if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
             return None
-        if proven is None:
-            proven = self._prove(visible)
-        return CellVisibility(soup.drawables[visible], soup.drawables[np.intersect1d(proven, visible)])
+        proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
+        return CellVisibility(soup.drawables[visible], soup.drawables[proven])
 
-    def _prove(self, places: np.ndarray, most_triangles: int | None = None) -> np.ndarray:
-        """Which of some drawables item buffers see from the cell's corners; enough of them to be more than a number.
+    def _glimpse(self, places: np.ndarray, most_triangles: int | None = None) -> _Glimpses:
+        """What item buffers show from the cell's corners.
 
         Args:
-            places: (k,) drawables, as positions in the soup: all that may be seen.
+            places: (k,) drawables, as positions in the soup, in front of which nothing else can be.
             most_triangles: stop as soon as drawables of more triangles than this are seen.
         """
         soup = self.soup
-        if not self.settings.proof_resolution:
-            return places[:0]
-        seen = np.zeros(len(soup.drawables), np.bool_)
+        count = self.settings.proof_points if self.settings.proof_resolution else 0
+        triangle = np.full((count, len(soup.drawables)), -1, np.int32)
+        pixel = np.zeros((count, len(soup.drawables)), np.int32)
         drawn = np.zeros(len(soup.drawables), np.bool_)
         drawn[places] = True
         triangles = np.flatnonzero(drawn[soup.triangle_drawable])
-        for corner in PROOF_CORNERS[: self.settings.proof_points]:
-            eye = np.array(corner) * (1 - 1e-9)
+        for number, corner in enumerate(PROOF_CORNERS[:count]):
             item_buffer.see(
-                self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, eye,
-                self.settings.proof_resolution, seen,
+                self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, np.array(corner) * EYE,
+                self.settings.proof_resolution, triangle[number], pixel[number],
             )  # fmt: skip
+            seen = _Glimpses(triangle, pixel).seen
             if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
                 break
-        proven: np.ndarray = places[seen[places]]
-        return proven
+        return _Glimpses(triangle, pixel)
+
+    def _prove(self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, glimpses: _Glimpses) -> np.ndarray:
+        """Which of the drawables (k,) that may be seen surely are, as positions in the soup."""
+        soup = self.soup
+        proven = np.zeros(len(soup.drawables), np.bool_)
+        if not self.settings.proof_resolution:
+            return visible[:0]
+        standing = np.zeros(len(soup.drawables), np.bool_)
+        standing[visible] = True
+        half = 0.5 * (hi - lo)
+        eyes = 0.5 * (lo + hi) + half * EYE * np.array(PROOF_CORNERS[: len(glimpses.triangle)])
+        aimed_rays.confirm(
+            self._scene, standing, visible, eyes, half, glimpses.triangle, glimpses.pixel,
+            self.settings.proof_resolution, proven,
+        )  # fmt: skip
+        undecided = visible[~proven[visible]]
+        aimed_rays.aim(self._scene, standing, undecided, self._first, lo, hi, self.settings.aimed_rays, proven)
+        surely: np.ndarray = visible[proven[visible]]
+        return surely
+
+    def _sample(
+        self, lo: np.ndarray, hi: np.ndarray, places: np.ndarray, most_triangles: int | None
+    ) -> CellVisibility | None:
+        """What rays meet of some drawables (k,), positions in the soup, or None as in `visible_from`."""
+        soup = self.soup
+        standing, seen, proven = (np.zeros(len(soup.drawables), np.bool_) for _ in range(3))
+        standing[places] = True
+        aimed_rays.scatter(self._scene, standing, lo, hi, self.settings.sampling_rays, seen, proven)
+        if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
+            return None
+        unseen = places[~proven[places]]
+        aimed_rays.aim(self._scene, standing, unseen, self._first, lo, hi, self.settings.sampling_aimed_rays, proven)
+        seen |= proven
+        if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
+            return None
+        return CellVisibility(soup.drawables[seen], soup.drawables[proven])
+
+    def count_misses(
+        self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray, visible: np.ndarray, rng: np.random.Generator
+    ) -> int:
+        """How many of `settings.hold_out_rays` meet first what is not reported: those pixels would be wrong.
+
+        The rays start anywhere on the cell's surface in any direction, evenly spread, and took no part in sampling.
+
+        Args:
+            lo, hi, cut: as for `visible_from`; visible: what it reported.
+        """
+        standing, drawn = (np.zeros(len(self.soup.drawables), np.bool_) for _ in range(2))
+        standing[self.soup.places(cut)] = True
+        drawn[self.soup.places(visible)] = True
+        count = self.settings.hold_out_rays
+        part = aimed_rays.INSET / 2 + (1 - aimed_rays.INSET) * rng.random((count, 3))
+        part[np.arange(count), rng.integers(0, 3, count)] = np.where(
+            rng.random(count) < 0.5, aimed_rays.INSET / 2, 1 - aimed_rays.INSET / 2
+        )
+        starts = lo + (hi - lo) * part
+        missed = aimed_rays.count_misses(self._scene, standing, drawn, starts, rng.normal(size=(count, 3)))
+        return int(missed)

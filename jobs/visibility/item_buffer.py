@@ -1,7 +1,6 @@
-"""Item buffers from points of a cell: what they show is proven visible.
+"""Item buffers from points of a cell: what they show can be seen, but for rounding.
 
-A pixel's centre is a ray; the nearest triangle that it meets is seen. Only drawables reported as visible are drawn:
-what is hidden from the whole cell cannot stand before anything that a ray from the cell sees.
+A pixel's centre is a ray; the nearest triangle that it meets is seen. `aimed_rays` makes a proof of it.
 """
 
 from __future__ import annotations
@@ -21,16 +20,19 @@ def see(
     one_sided: np.ndarray,
     eye: np.ndarray,
     resolution: int,
-    seen: np.ndarray,
+    triangle: np.ndarray,
+    pixel: np.ndarray,
 ) -> None:
-    """Mark the drawables that are seen from a point through the pixels' centres of six cube faces.
+    """Find the drawables that are seen from a point through the pixels' centres of six cube faces.
 
     Args:
         q: (n, 3) float64 vertices in cell coordinates.
         triangles: (m, 3) int32; chosen: (c,) int64 the triangles to draw; triangle_drawable: (m,) int32.
         one_sided: (drawables,) bool: their back faces are not drawn.
         eye: (3,) float64 in cell coordinates.
-        seen: (drawables,) bool, set to True where a drawable is seen, else left alone.
+        triangle: (drawables,) int32, receives a triangle that is seen of each drawable, -1 where none is.
+        pixel: (drawables,) int32, receives where, (face * resolution + j) * resolution + i: the one of the drawable's
+            pixels that has as many before it as after it, not at its border as a rule.
     """
     moved = np.empty((3, 3), np.float64)
     polygon = np.empty((4, 2), np.float64)
@@ -76,12 +78,20 @@ def see(
                     w = pa * (i + 0.5) + pb * (j + 0.5) + pc
                     if w > nearest[face, j, i]:
                         nearest[face, j, i] = w
-                        item[face, j, i] = triangle_drawable[t]
-    for face in range(6):
-        for j in range(resolution):
-            for i in range(resolution):
-                if item[face, j, i] >= 0:
-                    seen[item[face, j, i]] = True
+                        item[face, j, i] = t
+    pixels = item.ravel()
+    count = np.zeros(len(triangle), np.int32)
+    for at in range(len(pixels)):
+        if pixels[at] >= 0:
+            count[triangle_drawable[pixels[at]]] += 1
+    passed = np.zeros(len(triangle), np.int32)
+    triangle[:] = -1
+    for at in range(len(pixels)):
+        if pixels[at] >= 0:
+            d = triangle_drawable[pixels[at]]
+            if passed[d] == count[d] // 2:
+                triangle[d], pixel[d] = pixels[at], at
+            passed[d] += 1
 
 
 @kernel()

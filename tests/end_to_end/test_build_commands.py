@@ -48,6 +48,48 @@ def test_info_and_verify_agree_on_the_store(store):
     assert vlod("info", store).returncode == 0
 
 
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sampled")
+    model = write_rooms(folder / "rooms.obj", rooms=2)
+    options = ["--sampled", "--max-depth", 1, "--triangles-per-cell", 150, "--executor", "serial"]
+    report = said(vlod("build", model, folder / "rooms.store", *options, "--json"))
+    assert report["parameters"]["sampled"] is True
+    return folder / "rooms.store"
+
+
+def test_a_sampled_store_says_so_and_how_much_it_misses(sampled, store):
+    assert json.loads((sampled / "manifest.json").read_text())["parameters"]["sampled"] is True
+    facts = said(vlod("info", sampled, "--json"))
+    assert facts["sampled"] is True
+    assert facts["cells"]["hold_out_rays"] == 10_000 * facts["cells"]["computed"]
+    assert 0 <= facts["cells"]["missed_rays"] < 0.01 * facts["cells"]["hold_out_rays"]
+    text = vlod("info", sampled).stdout
+    assert "made by sampling (--sampled): cells may miss what can be seen" in text
+    assert "missed pixels" in text
+    assert "met by no ray" in text
+    assert "proven hidden" not in text
+    sound = said(vlod("info", store, "--json"))
+    assert sound["sampled"] is False
+    assert sound["cells"]["hold_out_rays"] == sound["cells"]["missed_rays"] == 0
+    text = vlod("info", store).stdout
+    assert "proven hidden" in text
+    assert "sampling" not in text
+
+
+def test_verify_measures_what_a_sampled_store_misses(sampled):
+    found = said(vlod("verify", sampled, "--cells", 8, "--samples", 3000, "--json"))
+    assert found["ok"]
+    assert found["sampled"] is True
+    assert found["uniform_rays"] == found["sampled_cells"] * 1000
+    assert found["missed_rays"] <= found["missed"] * found["uniform_rays"]
+    assert found["stored_rays"] == found["sampled_cells"] * 10_000
+    done = vlod("verify", sampled, "--cells", 2, "--samples", 300)
+    assert done.returncode == 0
+    assert "missed pixels, as stored" in done.stdout
+    assert done.stdout.rstrip().endswith("cells may miss what can be seen")
+
+
 def test_verify_prints_a_table(store):
     done = vlod("verify", store, "--cells", 2, "--samples", 50)
     assert done.returncode == 0

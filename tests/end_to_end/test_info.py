@@ -3,10 +3,16 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from storage.manifest import commit
+from storage.octree import Octree, neighbours
+from storage.store import Store
+from storage.writer import cells_section, write_cell_shard
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -23,6 +29,51 @@ def test_info_of_a_store(tmp_path: Path) -> None:
     assert "3,840 triangles in 12 parts" in done.stdout
     facts = json.loads(_vlod("info", tmp_path / "room.store", "--json").stdout)
     assert facts["cells"]["computed"] == 64
+
+
+def test_info_tells_how_tight_cells_are_and_which_are_the_worst(tmp_path: Path) -> None:
+    """What is reported, and how much of it is proven, differs from cell to cell."""
+    store = make_store(tmp_path / "room.store", room_parts(), depth=1, visible=lambda _g, _c, cut: cut[:-2])
+    rows = store.cells.copy()
+    rows["proven_triangles"] = (rows["triangles"] / np.array([1, 1, 1.05, 1.2, 1.4, 1.9, 2.5, 20])).astype(np.int64)
+    rows["proven_triangles"][1] = 0
+    rewrite_cells(store, rows)
+    facts = json.loads(_vlod("info", tmp_path / "room.store", "--json").stdout)["cells"]
+    assert [part["cells"] for part in facts["histogram"]] == [2, 1, 1, 1, 1, 0, 0, 2]
+    assert [part["from"] for part in facts["histogram"]][:3] == [1.0, 1.1, 1.25]
+    assert [part["to"] for part in facts["histogram"]][-2:] == [10.0, None]
+    worst = facts["worst"]
+    gaps = [row["reported_triangles"] - row["proven_triangles"] for row in worst]
+    expected = (rows["triangles"].astype(np.int64) - rows["proven_triangles"].astype(np.int64)).tolist()
+    assert gaps == sorted(expected, reverse=True)[: len(worst)]
+    nothing = next(row for row in worst if row["cell"] == 1)
+    assert nothing["tightness"] is None
+    assert nothing["lo"] == store.cells["lo"][1].tolist()
+    assert nothing["hi"] == store.cells["hi"][1].tolist()
+    assert nothing["cut_triangles"] == int(store.cells["cut_triangles"][1]) > nothing["reported_triangles"]
+    text = _vlod("info", tmp_path / "room.store").stdout
+    lines = {line[2:].split("  ")[0]: line for line in text.splitlines() if line.startswith("  ")}
+    cut, reported, proven = (int(rows[name].sum()) for name in ("cut_triangles", "triangles", "proven_triangles"))
+    assert f"{cut - reported:,}" in lines["proven hidden"]
+    assert f"{reported - proven:,}" in lines["undecided"]
+    assert f"{proven:,}" in lines["proven visible"]
+    assert lines["1 to 1.1"].count("#") == lines["10 or more"].count("#") == 24
+    assert lines["1.1 to 1.25"].count("#") == 12
+    low, high = (" ".join(f"{value:.4g}" for value in nothing[corner]) for corner in ("lo", "hi"))
+    assert f"{low} to {high}" in text
+    assert "approximation" not in text
+
+
+def rewrite_cells(store: Store, rows: np.ndarray) -> None:
+    """The same store with another table of cells."""
+    root = Path(store.files.url)
+    section = store.manifest.cells
+    assert section is not None
+    pairs, _ = neighbours(rows["key"])
+    sets = [store.vlod(cell).astype(np.uint32) for cell in range(len(rows))]
+    shard = write_cell_shard(root, rows, sets, [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()], first=0)
+    octree = Octree(tuple(section["octree_lo"]), section["octree_size"])
+    commit(root, replace(store.manifest, cells=cells_section(root, octree, [shard])))
 
 
 @pytest.mark.parametrize("kind", ["missing", "empty folder", "file", "unfinished", "damaged", "of another format"])

@@ -11,6 +11,7 @@ import pytest
 
 from jobs.errors import WorkerLostError
 from jobs.verify import verify
+from storage.manifest import commit
 from storage.store import Geometry
 from tests.storage.tiny_store import make_store, room_parts
 
@@ -38,6 +39,30 @@ def test_a_drawable_left_out_of_one_cell_is_named(tmp_path: Path) -> None:
     assert "'table'" in report.problems[0]
     seen = [cell.missed for cell in report.sampled if cell.key == 0o17]
     assert seen == [1]
+
+
+def test_what_a_sampled_store_misses_is_measured_and_is_no_problem(tmp_path: Path) -> None:
+    """The share of rays that meet what is left out: the same rays that accuse a store that promises to miss nothing."""
+    table = [part.name for part in room_parts()].index("table")
+
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        part = geometry.nodes["part"][geometry.drawables["node"][cut]]
+        return cut[part != table] if int(cell["key"]) == 0o17 else cut
+
+    store = make_store(tmp_path / "store", room_parts(), depth=1, visible=visible)
+    accused = verify(str(tmp_path / "store"), samples=3000, cells=8)
+    commit(tmp_path / "store", replace(store.manifest, parameters={**store.manifest.parameters, "sampled": True}))
+    report = verify(str(tmp_path / "store"), samples=3000, cells=8)
+    assert not accused.ok
+    assert report.ok
+    assert report.approximate
+    assert report.missed == accused.missed == 1
+    assert report.uniform_rays == 8 * 1000
+    assert 0 < report.missed_rays == accused.missed_rays < 1000
+    assert [cell.key for cell in report.sampled if cell.missed_rays] == [0o17]
+    written = report.to_json()
+    assert (written["sampled"], written["missed_rays"]) == (True, report.missed_rays)
+    assert (written["stored_rays"], written["stored_missed_rays"]) == (0, 0)
 
 
 def test_the_findings_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:

@@ -1,0 +1,237 @@
+"""Rays against the clusters of a soup, through a tree of their boxes: what is met first, and what may be in the way.
+
+The tree is built once for a soup and serves all cells: a cell says which of the soup's drawables stand in it. Halves
+have equally many clusters, cut across the widest extent of their middles. Leaves hold one cluster.
+
+Everything is in grid units. Corners are integers of at most 24 bits, so differences of corners and the normals made of
+them are exact in float64; a corner seen from a ray's start is rounded once.
+
+Based on: the volumes that tell on which side of an edge a line passes, M. Shevtsov, A. Soupikov, A. Kapustin:
+Ray-Triangle Intersection Algorithm for Modern CPU Architectures, GraphiCon 2007 (after Plücker).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from storage.kernels import allocating_kernel, kernel
+
+#: Boxes are grown by this many grid units, far more than slabs are rounded by.
+GROWN = 0.5
+#: A triangle is in the way also where exact arithmetic would see it this much beside it, relative to the lengths of
+#: the factors: some thousand times float64's rounding.
+MARGIN = 1e-12
+#: And where it lies this much behind what is looked at, as a part of the ray.
+BEHIND = 1e-9
+#: Nodes that can wait at once: a tree of n leaves is at most log2(n) + 1 deep.
+STACK = 64
+
+
+class Scene(NamedTuple):
+    """The triangles of a soup below a tree of boxes; nodes in preorder, a node's left child right after it."""
+
+    box: np.ndarray  # (nodes, 2, 3) float64 lower and upper corners, grown
+    right: np.ndarray  # (nodes,) int32 right child; 0 at leaves
+    cluster: np.ndarray  # (nodes,) int32 cluster of a leaf; -1 at inner nodes
+    axis: np.ndarray  # (nodes,) int8 that the node is cut across
+    vertices: np.ndarray  # (n, 3) int32
+    triangles: np.ndarray  # (m, 3) int32
+    cluster_start: np.ndarray  # (k + 1,) int32 offsets into the triangles
+    cluster_drawable: np.ndarray  # (k,) int32
+    triangle_drawable: np.ndarray  # (m,) int32
+    one_sided: np.ndarray  # (drawables,) bool: their backs let rays pass
+
+
+@allocating_kernel()
+def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The tree over boxes lo, hi (k, 3) float64: box, right, cluster and axis as in `Scene`."""
+    k = len(lo)
+    nodes = max(2 * k - 1, 0)
+    box = np.empty((nodes, 2, 3), np.float64)
+    right = np.zeros(nodes, np.int32)
+    cluster = np.full(nodes, -1, np.int32)
+    axes = np.zeros(nodes, np.int8)
+    middle = 0.5 * (lo + hi)
+    order = np.arange(k)
+    waiting = np.empty((STACK, 3), np.int64)  # first and last place in `order`, and whose right child it is
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, k, -1
+    count = 1 if k else 0
+    node = 0
+    while count:
+        count -= 1
+        begin, end, parent = waiting[count, 0], waiting[count, 1], waiting[count, 2]
+        if parent >= 0:
+            right[parent] = node
+        widest, axis = -1.0, 0
+        for i in range(3):
+            low, high, first, last = np.inf, -np.inf, np.inf, -np.inf
+            for at in range(begin, end):
+                c = order[at]
+                low, high = min(low, lo[c, i]), max(high, hi[c, i])
+                first, last = min(first, middle[c, i]), max(last, middle[c, i])
+            box[node, 0, i], box[node, 1, i] = low - GROWN, high + GROWN
+            if last - first > widest:
+                widest, axis = last - first, i
+        if end - begin == 1:
+            cluster[node] = order[begin]
+        else:
+            axes[node] = axis
+            part = order[begin:end].copy()
+            order[begin:end] = part[np.argsort(middle[part, axis], kind="mergesort")]
+            half = (begin + end) // 2
+            waiting[count, 0], waiting[count, 1], waiting[count, 2] = half, end, node
+            waiting[count + 1, 0], waiting[count + 1, 1], waiting[count + 1, 2] = begin, half, -1
+            count += 2
+        node += 1
+    return box, right, cluster, axes
+
+
+@kernel()
+def inverse(d: np.ndarray, over: np.ndarray) -> None:
+    """One over each part of a direction d (3,) into `over`; finite where a part is 0."""
+    for k in range(3):
+        over[k] = 1.0 / d[k] if abs(d[k]) > 1e-200 else 1e200
+
+
+@kernel(inline="always")
+def enters(box: np.ndarray, node: int, o: np.ndarray, over: np.ndarray, limit: float) -> bool:
+    """Whether a ray from o meets a node's box between its start and `limit` ray lengths."""
+    near, far = 0.0, limit
+    for k in range(3):
+        a = (box[node, 0, k] - o[k]) * over[k]
+        b = (box[node, 1, k] - o[k]) * over[k]
+        near = max(near, min(a, b))
+        far = min(far, max(a, b))
+    return near <= far
+
+
+@kernel()
+def may_block(
+    vertices: np.ndarray, triangles: np.ndarray, t: int, one_sided: bool, o: np.ndarray, d: np.ndarray, reach: float
+) -> bool:
+    """Whether triangle t may keep somebody at o from seeing the point o + d: False only where it surely does not.
+
+    Args:
+        o, d: (3,) float64 grid units; d may be off by float64's rounding of `reach`, the largest coordinate (seen from
+            o) of what d was made from.
+    """
+    i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    x0, y0, z0 = float(vertices[i0, 0]), float(vertices[i0, 1]), float(vertices[i0, 2])
+    x1, y1, z1 = float(vertices[i1, 0]), float(vertices[i1, 1]), float(vertices[i1, 2])
+    x2, y2, z2 = float(vertices[i2, 0]), float(vertices[i2, 1]), float(vertices[i2, 2])
+    ax, ay, az = x0 - o[0], y0 - o[1], z0 - o[2]
+    bx, by, bz = x1 - o[0], y1 - o[1], z1 - o[2]
+    cx, cy, cz = x2 - o[0], y2 - o[1], z2 - o[2]
+    # six times the volumes between the ray and the three edges: all of one sign where it passes inside
+    va = d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx)
+    vb = d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax)
+    vc = d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx)
+    na = max(abs(ax), abs(ay), abs(az))
+    nb = max(abs(bx), abs(by), abs(bz))
+    nc = max(abs(cx), abs(cy), abs(cz))
+    ma, mb, mc = MARGIN * reach * nb * nc, MARGIN * reach * nc * na, MARGIN * reach * na * nb
+    if (va < -ma or vb < -mb or vc < -mc) and (va > ma or vb > mb or vc > mc):
+        return False
+    ux, uy, uz = x1 - x0, y1 - y0, z1 - z0
+    wx, wy, wz = x2 - x0, y2 - y0, z2 - z0
+    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+    to_plane = nx * ax + ny * ay + nz * az
+    along = nx * d[0] + ny * d[1] + nz * d[2]
+    slack = 3.0 * MARGIN * max(abs(nx), abs(ny), abs(nz)) * (na + reach)
+    if one_sided and to_plane > slack:
+        return False
+    if along < 0:
+        to_plane, along = -to_plane, -along
+    return -slack <= to_plane <= along * (1.0 + BEHIND) + slack
+
+
+@kernel()
+def find_blocker(
+    scene: Scene, standing: np.ndarray, own: int, o: np.ndarray, d: np.ndarray, reach: float, work: np.ndarray,
+    stack: np.ndarray,
+) -> int:  # fmt: skip
+    """A triangle of another drawable that may stand before the point o + d, or -1 where none can.
+
+    Args:
+        standing: (drawables,) bool what may block; own: the drawable that is looked at, which never blocks.
+        o, d, reach: see `may_block`; work: (3,) float64 and stack: (STACK,) int32 are written to.
+    """
+    if not len(scene.right):
+        return -1
+    inverse(d, work)
+    stack[0] = 0
+    count = 1
+    while count:
+        count -= 1
+        node = stack[count]
+        if not enters(scene.box, node, o, work, 1.0 + BEHIND):
+            continue
+        c = scene.cluster[node]
+        if c < 0:
+            near, far = node + 1, scene.right[node]
+            if d[scene.axis[node]] < 0:
+                near, far = far, near
+            stack[count] = far
+            stack[count + 1] = near
+            count += 2
+            continue
+        drawable = scene.cluster_drawable[c]
+        if drawable == own or not standing[drawable]:
+            continue
+        for t in range(scene.cluster_start[c], scene.cluster_start[c + 1]):
+            if may_block(scene.vertices, scene.triangles, t, scene.one_sided[drawable], o, d, reach):
+                return t
+    return -1
+
+
+@kernel()
+def find_first(
+    scene: Scene, standing: np.ndarray, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray
+) -> tuple[int, float]:
+    """The triangle that a ray from o along d meets first, and where, in ray lengths; -1 where it meets none.
+
+    Args: as for `find_blocker`. Backs of one-sided drawables let the ray pass.
+    """
+    found, nearest = -1, np.inf
+    if not len(scene.right):
+        return found, nearest
+    inverse(d, work)
+    stack[0] = 0
+    count = 1
+    while count:
+        count -= 1
+        node = stack[count]
+        if not enters(scene.box, node, o, work, nearest):
+            continue
+        cluster = scene.cluster[node]
+        if cluster < 0:
+            near, far = node + 1, scene.right[node]
+            if d[scene.axis[node]] < 0:
+                near, far = far, near
+            stack[count] = far
+            stack[count + 1] = near
+            count += 2
+            continue
+        drawable = scene.cluster_drawable[cluster]
+        if not standing[drawable]:
+            continue
+        for t in range(scene.cluster_start[cluster], scene.cluster_start[cluster + 1]):
+            i0, i1, i2 = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
+            ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
+            bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]
+            cx, cy, cz = scene.vertices[i2, 0] - o[0], scene.vertices[i2, 1] - o[1], scene.vertices[i2, 2] - o[2]
+            va = d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx)
+            vb = d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax)
+            vc = d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx)
+            if (va < 0 or vb < 0 or vc < 0) and (va > 0 or vb > 0 or vc > 0):
+                continue
+            along = va + vb + vc
+            if along == 0 or (along > 0 and scene.one_sided[drawable]):
+                continue
+            to_plane = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+            at = to_plane / along
+            if 0 < at < nearest:
+                found, nearest = t, at
+    return found, nearest

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from jobs.plots import box_map, histogram, lines
+from jobs.plots import box_map, histogram, lines, share_legend, share_map
 from storage import open_store
 from storage.errors import ParameterError
+from storage.info import SAMPLED
 
 #: The film's width in pixels, and how long each of its frames stays, in milliseconds.
 FILM_WIDTH, FILM_FRAME = 640, 60
@@ -50,6 +51,9 @@ figure { margin: 0; }
 figcaption { font-size: .9rem; padding-top: .35rem; }
 .legend span { margin-right: 1.2rem; white-space: nowrap; }
 .legend i { display: inline-block; width: 1.4em; height: .25em; margin-right: .45em; vertical-align: middle; }
+.legend.wide { max-width: none; }
+.legend.wide span { margin-right: .9rem; }
+.legend i.patch { width: 1.1em; height: 1.1em; border-radius: 3px; vertical-align: -.15em; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: .3rem .7rem; border-bottom: 1px solid var(--rule); white-space: nowrap; }
@@ -126,6 +130,8 @@ def _page(
         "</div>",
         "<h2>View cells</h2>",
         _plot(*_map(store, play)),
+        "<h2>What the cells know of themselves</h2>",
+        *_certificate(store, play),
         "<h2>Pictures</h2>",
         f'<div class="stills">{"".join(_stills(frames, play))}</div>',
         *_comparison(play, frames),
@@ -235,6 +241,52 @@ def _map(store: Any, play: dict[str, Any]) -> tuple[str, str]:
         f"The {len(layer):,} cells at the height of the path, from above: the darker, the more triangles can be seen, "
         f"from {min(least, most):,} to {most:,}. The line is the path."
     )
+
+
+def _certificate(store: Any, play: dict[str, Any]) -> Iterable[str]:
+    """How much of what is reported is proven visible: in words, and as maps from above."""
+    cells = store.cells[store.cells["computed"]]
+    counted = ("triangles", "proven_triangles", "cut_triangles")
+    reported, proven, cut = (cells[name].astype(np.int64) for name in counted)
+    whole = max(int(cut.sum()), 1)
+    parts = [100 * int(part.sum()) / whole for part in (proven, reported - proven, cut - reported)]
+    sampled = store.manifest.sampled
+    hidden = "met by no ray" if sampled else "proven hidden"
+    yield _paragraph(
+        f"Of the triangles that stand for the model in its cells {parts[0]:.2f} % are proven visible, {parts[2]:.2f} % "
+        f"{hidden} and {parts[1]:.2f} % undecided: these are drawn, perhaps in vain."
+    )
+    if sampled:
+        rays, missed = (int(cells[name].sum(dtype=np.int64)) for name in ("hold_out_rays", "missed_rays"))
+        yield _paragraph(f"The store was {SAMPLED}: {missed:,} of {rays:,} rays met what is left out.")
+    up = "xyz".index(store.manifest.model["up"])
+    across = [axis for axis in range(3) if axis != up]
+    height = float(np.median([row["position"][up] for row in play["frames"]]))
+    shares = (reported - proven) / np.maximum(reported, 1)
+    level = (cells["lo"][:, up] <= height) & (cells["hi"][:, up] > height)
+    chosen = {
+        "Cells at the height of the path, from above": np.flatnonzero(level),
+        "All cells from above, the worst of those one above the other": _worst_of_columns(cells, across, shares),
+    }
+    yield '<div class="two">'
+    for title, rows in chosen.items():
+        said = [
+            f"{100 * shares[at]:.0f} % undecided: {reported[at] - proven[at]:,} of {reported[at]:,} triangles"
+            for at in rows.tolist()
+        ]
+        lo, hi = cells["lo"][rows][:, across], cells["hi"][rows][:, across]
+        yield _plot(share_map(lo, hi, shares[rows], said, title, flip_y=up == 2), f"{title}.")
+    yield "</div>"
+    yield '<p class="soft">Undecided part of the triangles that a cell reports:</p>'
+    yield share_legend()
+
+
+def _worst_of_columns(cells: np.ndarray, across: list[int], shares: np.ndarray) -> np.ndarray:
+    """Of cells that look the same from above, the one with the greatest share; rows of `cells`."""
+    order = np.argsort(-shares, kind="stable")
+    seen = np.concatenate([cells["lo"][:, across], cells["hi"][:, across]], axis=1)[order]
+    _, first = np.unique(seen, axis=0, return_index=True)
+    return order[np.sort(first)]
 
 
 def _stills(frames: Sequence[Path], play: dict[str, Any]) -> Iterable[str]:

@@ -42,7 +42,7 @@ class BuildParameters:
     max_depth: int = 5  # of the octree of cells; the root has depth 0
     cell_size: float | None = None  # cells are not split below this edge; takes the place of max_depth
     pixel_error: float = 1.0  # allowed error, in pixels
-    sampled: bool = False  # cells hold what rays meet: quicker and smaller, but may miss what can be seen
+    sampled: bool = False  # cells hold what rays meet: smaller, but may miss what can be seen
     screen_height: int = 1080  # in pixels
     field_of_view: float = 60.0  # vertical, in degrees
     object_triangles: int = 1000  # t1 of Partition I: parts with more are split if they are large or long

@@ -14,6 +14,10 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 14, 14, 40
 #: Colours of a plot's series, in order.
 COLOURS = ("#0f8b8d", "#e07a1f", "#7a6fb0", "#c2415d")
 
+#: Steps of a map of shares: each colour stands for shares up to this one.
+SHARES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 1.0)
+SHARE_COLOURS = ("#23777e", "#5fa8a0", "#a9d0b4", "#eae7b9", "#f4c676", "#e8914a", "#cf5636", "#8f1d2c")
+
 
 def lines(series: Mapping[str, Sequence[float]], x_label: str, y_label: str, *, logarithmic: bool = False) -> str:
     """Lines over 0, 1, 2, ..., one for each named series, with a legend."""
@@ -50,8 +54,48 @@ def box_map(
     lo: np.ndarray, hi: np.ndarray, values: np.ndarray, path: np.ndarray, title: str, flip_y: bool = True
 ) -> str:
     """Rectangles lo to hi (n, 2) coloured by values (n,), pale to dark, under a path (m, 2)."""
-    corners = np.concatenate([lo, hi, path]) if len(path) else np.concatenate([lo, hi])
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    least = float(values.min(initial=np.inf))
+    spread = max(float(values.max(initial=0.0)) - least, 1e-9)
+    fills = [_shade((value - least) / spread) for value in values.tolist()]
+    return _rectangles(lo, hi, fills, [f"{value:,.0f}" for value in values.tolist()], path, title, flip_y)
+
+
+def share_map(
+    lo: np.ndarray, hi: np.ndarray, shares: np.ndarray, said: Sequence[str], title: str, flip_y: bool = True
+) -> str:
+    """Rectangles lo to hi (n, 2) coloured by shares (n,) from 0 to 1 in few steps, the greatest on top.
+
+    said: what each rectangle says under the pointer. `share_legend` explains the colours.
+    """
+    order = np.argsort(shares, kind="stable")
+    steps = np.searchsorted(SHARES, shares[order], side="left").tolist()
+    texts = [said[at] for at in order.tolist()]
+    none = np.zeros((0, 2))
+    return _rectangles(lo[order], hi[order], [SHARE_COLOURS[step] for step in steps], texts, none, title, flip_y)
+
+
+def share_legend() -> str:
+    """What the colours of `share_map` mean."""
+    names = [f"{100 * low:g} to {100 * high:g} %" for low, high in zip((0.0, *SHARES), SHARES, strict=False)]
+    items = (
+        f'<span><i class="patch" style="background:{colour}"></i>{name}</span>'
+        for name, colour in zip(names, SHARE_COLOURS, strict=True)
+    )
+    return f'<p class="legend wide">{"".join(items)}</p>'
+
+
+def _rectangles(
+    lo: np.ndarray,
+    hi: np.ndarray,
+    fills: Sequence[str],
+    said: Sequence[str],
+    path: np.ndarray,
+    title: str,
+    flip_y: bool,
+) -> str:
+    """Rectangles lo to hi (n, 2), each with its colour and what it says under the pointer, and a path (m, 2) above."""
+    corners = np.concatenate([lo, hi, path])
+    low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(2), np.ones(2))
     size = np.maximum(high - low, 1e-9)
     width = WIDTH - 20
     height = min(width * size[1] / size[0], 560.0)
@@ -65,18 +109,15 @@ def box_map(
 
     a, b = spot(lo), spot(hi)
     left, right = np.minimum(a, b), np.maximum(a, b)
-    least = float(values.min(initial=np.inf))
-    spread = max(float(values.max(initial=0.0)) - least, 1e-9)
-    parts = []
-    for corner, far, value in zip(left.tolist(), right.tolist(), values.tolist(), strict=True):
-        shade = _shade((value - least) / spread)
-        parts.append(
-            f'<rect x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{far[0] - corner[0]:.1f}" '
-            f'height="{far[1] - corner[1]:.1f}" fill="{shade}" stroke="#ffffff" stroke-width="0.4">'
-            f"<title>{value:,.0f}</title></rect>"
-        )
-    track = " ".join(f"{x:.1f},{y:.1f}" for x, y in spot(path).tolist()) if len(path) else ""
-    parts.append(f'<polyline points="{track}" fill="none" stroke="{COLOURS[1]}" stroke-width="2.5"/>')
+    parts = [
+        f'<rect x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{far[0] - corner[0]:.1f}" '
+        f'height="{far[1] - corner[1]:.1f}" fill="{fill}" stroke="#ffffff" stroke-width="0.4">'
+        f"<title>{escape(text)}</title></rect>"
+        for corner, far, fill, text in zip(left.tolist(), right.tolist(), fills, said, strict=True)
+    ]
+    if len(path):
+        track = " ".join(f"{x:.1f},{y:.1f}" for x, y in spot(path).tolist())
+        parts.append(f'<polyline points="{track}" fill="none" stroke="{COLOURS[1]}" stroke-width="2.5"/>')
     body = "".join(parts)
     return f'<svg viewBox="0 0 {width + 20:.0f} {height + 20:.0f}" role="img" aria-label="{escape(title)}">{body}</svg>'
 

@@ -249,8 +249,11 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
     certificate = [
         (
             name,
-            *(f"{part[unit]:,}" for unit in _UNITS),
-            *(f"{100 * part[unit] / max(1, counts[unit][2]):.2f} %" for unit in _UNITS),
+            *(
+                text
+                for unit in _UNITS
+                for text in (f"{part[unit]:,}", f"{100 * part[unit] / max(1, counts[unit][2]):.2f} %")
+            ),
         )
         for name, part in (
             ("proven visible", {unit: proven for unit, (proven, _, _) in counts.items()}),
@@ -283,7 +286,7 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
         Section("Cells", (), rows),
         Section(
             "Certificate, all cells together",
-            ("of the cuts", "drawables", "triangles", "drawables", "triangles"),
+            ("of the cuts", "drawables", "share", "triangles", "share"),
             certificate,
         ),
         Section("Cells by tightness", ("reported / proven", "cells", "share", "".ljust(BAR)), histogram),

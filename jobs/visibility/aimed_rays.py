@@ -155,7 +155,7 @@ def start_of(number: int, lo: np.ndarray, hi: np.ndarray, o: np.ndarray) -> None
 @allocating_kernel()
 def aim(
     scene: Scene, standing: np.ndarray, chosen: np.ndarray, first: np.ndarray, lo: np.ndarray, hi: np.ndarray,
-    rays: int, proven: np.ndarray,
+    begin: int, end: int, proven: np.ndarray,
 ) -> None:  # fmt: skip
     """Rays from all over the cell's surface at all parts of some drawables.
 
@@ -164,7 +164,7 @@ def aim(
         chosen: (c,) int64 drawables to prove.
         first: (drawables + 1,) int32 offsets of the drawables' triangles.
         lo, hi: (3,) float64 the cell in grid units.
-        rays: at each drawable, at most.
+        begin, end: the numbers of the rays at each drawable, end - begin at most: others are other rays.
         proven: (drawables,) bool, set to True where a drawable is proven visible.
     """
     o, d, over = np.empty(3), np.empty(3), np.empty(3)
@@ -174,7 +174,7 @@ def aim(
         if count == 0:
             continue
         last = -1
-        for number in range(rays):
+        for number in range(begin, end):
             t = first[drawable] + int(spread(number, 0) * count)
             root = np.sqrt(spread(number, 1))
             kept = 1.0 - 3.0 * LEAST_WEIGHT

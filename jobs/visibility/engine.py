@@ -24,6 +24,9 @@ PROOF_CORNERS = (
 #: Item buffers are drawn from a little inside these corners, as aimed rays start.
 EYE = 1.0 - aimed_rays.INSET
 
+#: How the rays that a cell may aim are shared out: what few rays prove leaves more for the rest.
+AIM_SHARES = (0.1, 0.2, 0.7)
+
 #: What is hidden up to this depth at least, in cell coordinates, is hidden however deep it is.
 FARTHEST = 8.0
 
@@ -38,11 +41,12 @@ class EngineSettings:
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
     proof_resolution: int = 64  # pixels along the edge of an item buffer's cube face; 0: prove nothing
-    proof_points: int = 2  # corners of the cell from which item buffers are drawn, 8 at most
-    aimed_rays: int = 512  # at each drawable that item buffers do not prove visible, at most
+    proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
+    aimed_rays: int = 16_384  # at drawables that item buffers do not prove visible, all together
+    most_aimed_rays: int = 1024  # at one of them
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
-    sampling_aimed_rays: int = 32  # at each drawable that these do not meet, at most
+    sampling_aimed_rays: int = 65_536  # at drawables that these do not meet, all together
     hold_out_rays: int = 10_000  # that measure what a sampled cell misses
 
     #: Part of the task keys: change it whenever results may change.
@@ -207,10 +211,19 @@ class Engine:
             self._scene, standing, visible, eyes, half, glimpses.triangle, glimpses.pixel,
             self.settings.proof_resolution, proven,
         )  # fmt: skip
-        undecided = visible[~proven[visible]]
-        aimed_rays.aim(self._scene, standing, undecided, self._first, lo, hi, self.settings.aimed_rays, proven)
+        self._aim(standing, visible, lo, hi, self.settings.aimed_rays, proven)
         surely: np.ndarray = visible[proven[visible]]
         return surely
+
+    def _aim(
+        self, standing: np.ndarray, chosen: np.ndarray, lo: np.ndarray, hi: np.ndarray, rays: int, proven: np.ndarray
+    ) -> None:
+        """So many rays at those of the drawables (k,) that are not proven visible, first a few at each, then more."""
+        end, most = 0, self.settings.most_aimed_rays
+        for share in AIM_SHARES:
+            left = chosen[~proven[chosen]]
+            begin, end = end, min(end + int(share * rays) // max(len(left), 1), most)
+            aimed_rays.aim(self._scene, standing, left, self._first, lo, hi, begin, end, proven)
 
     def _sample(
         self, lo: np.ndarray, hi: np.ndarray, places: np.ndarray, most_triangles: int | None
@@ -222,8 +235,7 @@ class Engine:
         aimed_rays.scatter(self._scene, standing, lo, hi, self.settings.sampling_rays, seen, proven)
         if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
             return None
-        unseen = places[~proven[places]]
-        aimed_rays.aim(self._scene, standing, unseen, self._first, lo, hi, self.settings.sampling_aimed_rays, proven)
+        self._aim(standing, places, lo, hi, self.settings.sampling_aimed_rays, proven)
         seen |= proven
         if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
             return None

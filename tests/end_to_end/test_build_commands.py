@@ -90,6 +90,22 @@ def test_verify_measures_what_a_sampled_store_misses(sampled):
     assert done.stdout.rstrip().endswith("cells may miss what can be seen")
 
 
+def test_what_a_sampled_store_says_it_misses_is_what_the_oracle_finds(tmp_path):
+    """Both are shares of rays that took no part in making the store, of other points and directions."""
+    said(vlod("demo-scene", "offices", tmp_path / "o.glb", "--triangles", 60000, "--json"))
+    where = ["--view-box", -14, -2.2, -12, 14, 2.5, 12, "--cell-size", 3.6, "--triangles-per-cell", 6000]
+    options = ["--sampled", "--executor", "serial", *where]
+    report = said(vlod("build", tmp_path / "o.glb", tmp_path / "o.store", *options, "--json"))
+    assert report["counts"]["computed_cells"] > 5
+    found = said(vlod("verify", tmp_path / "o.store", "--cells", 100, "--samples", 30000, "--json"))
+    assert found["ok"]
+    assert found["stored_rays"] == found["uniform_rays"] == 10_000 * report["counts"]["computed_cells"]
+    assert found["missed_rays"] > 0  # large cells full of narrow gaps: something is missed
+    difference = abs(found["missed_rays"] - found["stored_missed_rays"])
+    # what is missed is missed by several rays at once in some cells: more than the root of the number, but not by much
+    assert difference <= 5 * (found["missed_rays"] + found["stored_missed_rays"]) ** 0.5
+
+
 def test_verify_prints_a_table(store):
     done = vlod("verify", store, "--cells", 2, "--samples", 50)
     assert done.returncode == 0

@@ -14,8 +14,9 @@ from jobs.executors import SerialExecutor
 from jobs.page import write_page
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
-from jobs.plots import box_map, histogram, lines
+from jobs.plots import SHARE_COLOURS, SHARES, box_map, histogram, lines, share_legend, share_map
 from jobs.verify import verify
+from storage import open_store
 from storage.errors import ParameterError
 from tests.jobs.tiny_model import write_rooms
 
@@ -71,7 +72,7 @@ def test_the_page_needs_no_other_file(folder):
     assert "http" not in text
     assert "<script" not in text
     assert "&lt;a &amp; b&gt;" in text
-    assert text.count("<svg") == 5
+    assert text.count("<svg") == 7
 
 
 def test_the_film_holds_every_frame(folder):
@@ -79,6 +80,35 @@ def test_the_film_holds_every_frame(folder):
     with Image.open(folder / "film.webp") as film:
         assert film.n_frames == 5
         assert film.size == (640, 360)
+
+
+def test_the_page_maps_how_much_is_undecided(folder):
+    text = write_page(folder).read_text()
+    store = open_store(str(folder / "rooms.store"))
+    cells = store.cells[store.cells["computed"]]
+    maps = [ElementTree.fromstring(found) for found in re.findall(r"<svg.*?</svg>", text)]
+    at_path, worst = (found for found in maps if "from above" in found.attrib["aria-label"])
+    low, high = cells["lo"][:, 2], cells["hi"][:, 2]
+    middle = float(np.median([row["position"][2] for row in play_report("vlod", False)["frames"]]))
+    assert len(at_path) == int(((low <= middle) & (high > middle)).sum())
+    said = [rect[0].text.split(" undecided")[0] for rect in worst]
+    share = 100 * (cells["triangles"] - cells["proven_triangles"].astype(np.int64)) / np.maximum(cells["triangles"], 1)
+    columns = [(cells["lo"][:, :2] == place).all(axis=1) for place in np.unique(cells["lo"][:, :2], axis=0)]
+    assert sorted(said) == sorted(f"{share[column].max():.0f} %" for column in columns)
+    assert "proven hidden" in text
+    assert all(colour in text for colour in SHARE_COLOURS)
+
+
+def test_a_map_of_shares_has_the_legends_colours_the_greatest_on_top():
+    lo = np.array([[0.0, 0], [1, 0], [0, 0]])
+    svg = share_map(lo, lo + 1, np.array([1.0, 0.04, 0.5]), ["all", "little", "half"], "map")
+    rects = list(ElementTree.fromstring(svg))
+    assert [rect[0].text for rect in rects] == ["little", "half", "all"]
+    fills = [SHARE_COLOURS[0], SHARE_COLOURS[SHARES.index(0.5)], SHARE_COLOURS[-1]]
+    assert [rect.attrib["fill"] for rect in rects] == fills
+    legend = share_legend()
+    assert [legend.index(colour) for colour in SHARE_COLOURS] == sorted(legend.index(c) for c in SHARE_COLOURS)
+    assert "35 to 50 %" in legend
 
 
 def test_a_missing_report_is_named(folder, tmp_path):
@@ -95,6 +125,8 @@ def test_a_missing_report_is_named(folder, tmp_path):
         histogram(np.array([1.0, 5.0, 5.0]), "x", "y"),
         histogram(np.zeros(0), "x", "y"),
         box_map(np.zeros((1, 2)), np.ones((1, 2)), np.array([3.0]), np.array([[0.5, 0.5], [0.6, 0.7]]), "map"),
+        share_map(np.zeros((1, 2)), np.ones((1, 2)), np.array([0.3]), ["a & b"], "map"),
+        share_map(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), [], "no cells"),
     ],
 )
 def test_plots_are_sound_svg(svg):

@@ -200,7 +200,7 @@ def test_aimed_rays_prove_more_than_item_buffers_alone() -> None:
     soup = soup_of(rooms(np.random.default_rng(5), 4))
     lo, hi = np.array([6000.0, 6100, 1500]), np.array([6300.0, 6400, 1800])
     few, many = (
-        Engine(soup, EngineSettings(resolution=64, proof_resolution=8, proof_points=1, aimed_rays=rays))
+        Engine(soup, EngineSettings(resolution=64, proof_resolution=8, proof_points=1, most_aimed_rays=rays))
         .visible_from(lo, hi, soup.drawables)
         for rays in (0, 512)
     )  # fmt: skip
@@ -214,7 +214,7 @@ def test_the_measured_chance_of_a_miss_is_the_oracles(rays: int) -> None:
     soup = soup_of(rooms(np.random.default_rng(2), 4))
     lo, hi = np.array([9000.0, 5100, 1200]), np.array([9400.0, 5500, 1600])
     count = 40_000
-    settings = EngineSettings(sampled=True, sampling_rays=rays, sampling_aimed_rays=1, hold_out_rays=count)
+    settings = EngineSettings(sampled=True, sampling_rays=rays, sampling_aimed_rays=0, hold_out_rays=count)
     engine = Engine(soup, settings)
     found = engine.visible_from(lo, hi, soup.drawables)
     assert found is not None

@@ -1,7 +1,8 @@
 """View cells: which cells there are, and what can be seen from each.
 
 The octree is split until a cell's vLOD is small enough or the depth limit is reached. A task takes one octree key and
-works out two levels below it; cells that must be split further are the roots of the next wave of tasks.
+works out two levels below it; cells that must be split further are the roots of the next wave of tasks. A cell at the
+depth limit whose vLOD is above the budget, if there is one, gets a coarser cut: see `jobs.budget`.
 
 Based on: J. Chhugani et al.: vLOD, IEEE TVCG 11(1), 2005, section 4 (a consistent level of detail for the whole scene,
 then visibility, then smaller cells where the result is too large).
@@ -14,7 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.budget import Coarsened, coarsen
+from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage import octree
 from storage.detail import choose_cut
@@ -36,8 +38,15 @@ class CellParameters:
     max_depth: int  # deepest level of cells
     triangles_per_cell: int  # cells with a larger vLOD are split
     pixel_angle: float  # see storage.detail.pixel_angle
-    pixel_error: float  # allowed error in pixels
+    pixel_error: float  # allowed error in pixels; raised where a cell would be above max_triangles
+    max_triangles: int | None = None  # no cell reports more; None: whatever it takes
     engine: EngineSettings = field(default_factory=EngineSettings)
+
+    def most_triangles(self, depth: int) -> int | None:
+        """The largest vLOD that a cell at a depth may have, in triangles, at the allowed error; None: any."""
+        if depth == self.max_depth or self.max_triangles is None:
+            return self.max_triangles if depth == self.max_depth else self.triangles_per_cell
+        return min(self.triangles_per_cell, self.max_triangles)
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,7 @@ def compute_subtree(
     first = _first_keys(root_key, parameters)
     bottom = _bottom(root_key, parameters)
     cuts = _cuts(store, root_key, parameters)
-    engine = Engine(_gather(store, cuts, parameters.engine.cluster_size), parameters.engine)
+    engine = Engine(_gather(store, _used(store, cuts), parameters.engine.cluster_size), parameters.engine)
 
     records: list[np.ndarray] = []
     sets: list[np.ndarray] = []
@@ -73,12 +82,17 @@ def compute_subtree(
     while pending:
         key = pending.pop()
         deep = octree.depth(key)
-        may_split = deep < parameters.max_depth
-        outcome = _compute_cell(store, engine, key, cuts[key], parameters, may_split) if key in cuts else None
+        most = parameters.most_triangles(deep)
+        pixel_error, cut = parameters.pixel_error, cuts.get(key)
+        found = None if cut is None else _look(store, engine, key, cut, parameters, most)
+        if found is None and deep == parameters.max_depth:
+            assert most is not None, "without a budget the last cells are worked out whatever they see"
+            coarser = _coarsened(store, engine, key, parameters, most)
+            pixel_error, cut, found = coarser.pixel_error, coarser.cut, coarser.found
         done += 1
-        if outcome is not None:
-            records.append(outcome[0])
-            sets.append(outcome[1])
+        if found is not None and cut is not None:
+            records.append(_record(store, key, cut, found, parameters, pixel_error))
+            sets.append(found.visible)
         elif deep < bottom:
             pending.extend(sorted(_children_in_view(key, parameters), key=_morton, reverse=True))
         else:
@@ -136,37 +150,39 @@ def _cuts(store: Geometry, root_key: int, parameters: CellParameters) -> dict[in
     level = _first_keys(root_key, parameters)
     while level:
         for key in level:
-            cut = _cut(store, key, parameters)
-            if octree.depth(key) == parameters.max_depth or not _is_crowded(store, key, cut, parameters):
+            cut = _cut(store, key, parameters, parameters.pixel_error)
+            if not _is_crowded(store, key, cut, parameters, parameters.most_triangles(octree.depth(key))):
                 cuts[key] = cut
         level = [c for k in level if octree.depth(k) < bottom for c in _children_in_view(k, parameters)]
     return cuts
 
 
-def _is_crowded(store: Geometry, key: int, cut: np.ndarray, parameters: CellParameters) -> bool:
+def _is_crowded(
+    store: Geometry, key: int, cut: np.ndarray, parameters: CellParameters, most_triangles: int | None
+) -> bool:
     """Whether drawables that lie inside a cell with their whole box, and so are seen, are too many already.
 
-    Such a cell is split, and no triangle needs to be read to know it.
+    Such a cell is split or gets a coarser cut, and no triangle needs to be read to know it.
     """
+    if most_triangles is None:
+        return False
     rows = store.drawables[cut]
     lo, hi = parameters.octree.box(key)
     inside = ((rows["lo"] > lo) & (rows["hi"] < hi)).all(axis=1)
-    return int(rows["triangles"][inside].sum(dtype=np.int64)) > parameters.triangles_per_cell
+    return int(rows["triangles"][inside].sum(dtype=np.int64)) > most_triangles
 
 
-def _cut(store: Geometry, key: int, parameters: CellParameters) -> np.ndarray:
-    """The drawables that stand for the whole model in a cell."""
+def _cut(store: Geometry, key: int, parameters: CellParameters, pixel_error: float) -> np.ndarray:
+    """The drawables that stand for the whole model in a cell, with an allowed error in pixels."""
     lo, hi = parameters.octree.box(key)
     # as the store will remember it, so that a reader of the store finds the very same cut
-    pixel_error = float(np.float32(parameters.pixel_error))
-    return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, pixel_error)
+    remembered = float(np.float32(pixel_error))
+    return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, remembered)
 
 
-def _gather(store: Geometry, cuts: dict[int, np.ndarray], cluster_size: int) -> Soup:
-    """The triangles of all drawables that occur in any of the cuts."""
-    ids = _used(store, cuts)
+def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
+    """The triangles of drawables (d,), sorted ids."""
     rows = store.drawables[ids]
-
     surfaces = store.surfaces(ids)
     return build_soup(
         ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
@@ -182,30 +198,57 @@ def _used(store: Geometry, cuts: dict[int, np.ndarray]) -> np.ndarray:
     return np.flatnonzero(used)
 
 
-def _compute_cell(
-    store: Geometry, engine: Engine, key: int, cut: np.ndarray, parameters: CellParameters, may_split: bool
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """The cell's record and visible ids, or None where it must be split."""
-    counts = store.drawables["triangles"].astype(np.int64)
-    cut_triangles = int(counts[cut].sum())
+def _look(
+    store: Geometry,
+    engine: Engine,
+    key: int,
+    cut: np.ndarray,
+    parameters: CellParameters,
+    most_triangles: int | None,
+) -> CellVisibility | None:
+    """What can be seen of a cut from a cell; None where that is more than `most_triangles`."""
+    counts = store.drawables["triangles"]
     lo, hi = parameters.octree.box(key)
     grid_lo, grid_hi = lo / store.grid.step, hi / store.grid.step
-    if may_split and cut_triangles > parameters.triangles_per_cell:
+    if most_triangles is not None and int(counts[cut].sum(dtype=np.int64)) > most_triangles:
         inside = engine.reaching_into(grid_lo, grid_hi, cut)
-        if int(counts[inside].sum()) > parameters.triangles_per_cell:
+        if int(counts[inside].sum(dtype=np.int64)) > most_triangles:
             return None
-    found = engine.visible_from(grid_lo, grid_hi, cut, parameters.triangles_per_cell if may_split else None)
-    if found is None:
-        return None
-    triangles = int(counts[found.visible].sum())
+    return engine.visible_from(grid_lo, grid_hi, cut, most_triangles)
+
+
+def _coarsened(store: Geometry, engine: Engine, key: int, parameters: CellParameters, most_triangles: int) -> Coarsened:
+    """A cell at the depth limit that reports too many triangles, with a cut so coarse that it does not any more.
+
+    Coarser drawables are read when they are tried, one cut at a time: most cells need none.
+    """
+
+    def look(cut: np.ndarray) -> CellVisibility | None:
+        if _is_crowded(store, key, cut, parameters, most_triangles):
+            return None
+        coarser = engine.on(_gather(store, cut, parameters.engine.cluster_size))
+        return _look(store, coarser, key, cut, parameters, most_triangles)
+
+    return coarsen(
+        lambda pixel_error: _cut(store, key, parameters, pixel_error),
+        lambda cut: int(store.drawables["triangles"][cut].sum(dtype=np.int64)),
+        look,
+        parameters.pixel_error,
+        most_triangles,
+    )
+
+
+def _record(
+    store: Geometry, key: int, cut: np.ndarray, found: CellVisibility, parameters: CellParameters, pixel_error: float
+) -> np.ndarray:
+    """The CELL row of a finished cell."""
+    counts = store.drawables["triangles"]
     cell = np.zeros((), CELL)
     cell["key"] = key
     cell["depth"] = octree.depth(key)
-    cell["lo"], cell["hi"] = lo, hi
+    cell["lo"], cell["hi"] = parameters.octree.box(key)
     cell["computed"] = True
-    cell["limited"] = triangles > parameters.triangles_per_cell
-    cell["pixel_error"] = parameters.pixel_error
-    cell["cut_drawables"], cell["cut_triangles"] = len(cut), cut_triangles
-    cell["drawables"], cell["triangles"] = len(found.visible), triangles
-    cell["proven_drawables"], cell["proven_triangles"] = len(found.proven), int(counts[found.proven].sum())
-    return cell, found.visible
+    cell["pixel_error"] = pixel_error
+    for prefix, ids in (("cut_", cut), ("", found.visible), ("proven_", found.proven)):
+        cell[f"{prefix}drawables"], cell[f"{prefix}triangles"] = len(ids), counts[ids].sum(dtype=np.int64)
+    return cell

@@ -236,6 +236,7 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
         "view_hi": list(space.hi),
         "max_depth": space.max_depth,
         "triangles_per_cell": parameters.triangles_per_cell,
+        "max_triangles": parameters.max_triangles,
         "pixel_angle": pixel_angle,
         "pixel_error": parameters.pixel_error,
         "engine": dataclasses.asdict(EngineSettings()),
@@ -251,12 +252,14 @@ class CellsPlan:
         self._parameters = dict(parameters)
 
     def first(self, place: Workplace) -> Task:
-        """The task on the octree's topmost cells."""
+        """The task on the octree's topmost cells. Raises ParameterError where no cell can keep to `max_triangles`."""
+        from jobs.budget import check_budget
         from jobs.cells import triangles_needed
         from storage.octree import ROOT
         from storage.store import open_geometry
 
         geometry = open_geometry(place.store, geometry_section_of(place, self._tables.key))
+        check_budget(geometry, self._parameters["max_triangles"])
         return self._task(ROOT, triangles_needed(geometry, ROOT, cells_options(self._parameters)))
 
     def then(self, result: TaskResult) -> list[Task]:

@@ -47,6 +47,10 @@ def box_distance(lo: ArrayLike, hi: ArrayLike, other_lo: ArrayLike, other_hi: Ar
     return np.sqrt((x * x + y * y) + z * z)
 
 
+#: From this allowed error on, as a part of the distance, what is near is not bound by it any more: see `choose_cut`.
+#: About 7 degrees, or 279 pixels of the default screen.
+UNBOUNDED = 0.125
+
 #: Says of nodes, by their indices (k,) int64, which are wanted (k,) bool: the others are left out with all below them.
 Wanted = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 
@@ -68,17 +72,38 @@ def choose_cut(
     below it, at the coarsest such level; r is the distance between the two boxes: then what is drawn lies within that
     many pixels of where it belongs, from everywhere in the box. Leaves that have no level that good stand for
     themselves at their finest. Float64, the same bits on every machine. Work and memory follow the result's size.
+    So what touches the box is at its finest, however large the allowed error. A cell that must be coarser still (see
+    `jobs.budget`) allows more than UNBOUNDED = allowed / distance: then whatever lies anywhere, in the box too, may be
+    off by the part of the box's diagonal by which UNBOUNDED is exceeded. With enough pixels the roots' coarsest levels
+    are the cut.
 
     Based on: C. Erikson, D. Manocha, W. V. Baxter, HLODs for Faster Display of Large Static and Dynamic Environments,
     I3D 2001; W. V. Baxter et al., GigaWalk, UNC TR02-013, 2002, section 5.1.2.
     """
     allowed = float(pixel_error) * float(pixel_angle)
+    anywhere = error_anywhere(lo, hi, allowed)
 
     def good(rows: np.ndarray) -> Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]:
         reach = box_distance(lo, hi, rows["lo"], rows["hi"])
-        return lambda having, error: error <= allowed * (reach[having] - error)
+        return lambda having, error: (error <= allowed * (reach[having] - error)) | (error <= anywhere)
 
     return _cut(nodes, drawables, good, wanted)
+
+
+def error_anywhere(lo: ArrayLike, hi: ArrayLike, allowed: float) -> float:
+    """The error, in model units, that is allowed as seen from the box lo, hi (3,) however near: see `choose_cut`.
+
+    allowed: error over distance. 0 up to UNBOUNDED.
+    """
+    x, y, z = (np.asarray(hi, np.float64) - np.asarray(lo, np.float64)).tolist()
+    return max(0.0, allowed - UNBOUNDED) * math.sqrt((x * x + y * y) + z * z)
+
+
+def coarsest_triangles(nodes: np.ndarray, drawables: np.ndarray) -> int:
+    """Triangles of the coarsest cut there is: the roots' coarsest levels."""
+    rows = nodes[roots(nodes)]
+    last = rows["first_drawable"].astype(np.int64) + rows["levels"] - 1
+    return int(drawables["triangles"][last].sum(dtype=np.int64))
 
 
 def cut_within(nodes: np.ndarray, drawables: np.ndarray, error: float) -> NDArray[np.int64]:

@@ -17,6 +17,9 @@ from storage.store import Store, open_store
 #: How many of the cells with the largest gaps are named.
 WORST = 5
 
+#: How many of the cells with the largest raised pixel errors are named; --json names all.
+LARGEST = 20
+
 #: What the kinds of frames are called.
 _KINDS = {
     Kind.GEOMETRY: "meshes",
@@ -93,10 +96,11 @@ def _cells(store: Store) -> dict[str, Any]:
     edges = (cells["hi"] - cells["lo"])[:, 0]
     reported, proven = (cells[name].astype(np.int64) for name in ("triangles", "proven_triangles"))
     worst = np.lexsort((numbers, proven - reported))[:WORST]
+    target = store.manifest.parameters.get("triangles_per_cell")
     return {
         "cells": len(store.cells),
         "computed": len(cells),
-        "limited": int(cells["limited"].sum()),
+        "above_target": None if target is None else int((reported > int(target)).sum()),
         "depths": {str(depth): int(count) for depth, count in zip(depths, counts, strict=True)},
         "smallest_edge": float(edges.min()),
         "largest_edge": float(edges.max()),
@@ -120,7 +124,25 @@ def _cells(store: Store) -> dict[str, Any]:
             }
             for at in worst.tolist()
         ],
+        "raised": _raised(store, numbers),
     }
+
+
+def _raised(store: Store, numbers: np.ndarray) -> list[dict[str, Any]]:
+    """Those of some cells whose pixel error was raised to keep --max-triangles, the largest error first."""
+    built_for = np.float32(store.manifest.parameters.get("pixel_error", 1.0))
+    errors = store.cells["pixel_error"][numbers]
+    order = np.lexsort((numbers, -errors))
+    return [
+        {
+            "cell": cell,
+            "lo": store.cells["lo"][cell].tolist(),
+            "hi": store.cells["hi"][cell].tolist(),
+            "pixel_error": float(store.cells["pixel_error"][cell]),
+            "reported_triangles": int(store.cells["triangles"][cell]),
+        }
+        for cell in numbers[order[errors[order] > built_for]].tolist()
+    ]
 
 
 def _bytes(store: Store) -> dict[str, Any]:
@@ -196,11 +218,13 @@ def sections(facts: dict[str, Any]) -> list[Section]:
 def _cell_sections(cells: dict[str, Any]) -> list[Section]:
     hidden = 1 - cells["reported_triangles"] / max(1, cells["cut_triangles"])
     depths = [f"{count:,} at depth {depth}" for depth, count in cells["depths"].items()]
+    above = cells["above_target"]
     rows = [
         ("computed", f"{cells['computed']:,} of {cells['cells']:,}"),
         ("depths", ", ".join(depths)),
         ("edges", f"{cells['smallest_edge']:.3g} to {cells['largest_edge']:.3g}"),
-        ("at the depth limit", f"{cells['limited']:,}"),
+        *([] if above is None else [("above --triangles-per-cell", f"{above:,}")]),
+        ("pixel error raised", f"{len(cells['raised']):,}"),
         ("drawables in a vLOD", f"{cells['median_drawables']:,.0f} (median)"),
         (
             "triangles in a vLOD",
@@ -222,7 +246,26 @@ def _cell_sections(cells: dict[str, Any]) -> list[Section]:
     return [
         Section("Cells", (), rows),
         Section("Cells with the largest gaps", ("cell", "reported", "proven", "tightness", "centre"), worst),
+        *_raised_sections(cells["raised"]),
     ]
+
+
+def _raised_sections(raised: Sequence[dict[str, Any]]) -> list[Section]:
+    """The cells whose pixel error was raised, the largest first; --json has all of them."""
+    if not raised:
+        return []
+    told = f", {LARGEST} of {len(raised):,}" if len(raised) > LARGEST else ""
+    rows = [
+        (
+            str(row["cell"]),
+            f"{row['pixel_error']:g}",
+            f"{row['reported_triangles']:,}",
+            *(", ".join(f"{value:.4g}" for value in row[corner]) for corner in ("lo", "hi")),
+        )
+        for row in raised[:LARGEST]
+    ]
+    heads = ("cell", "pixel error", "reported", "from", "to")
+    return [Section(f"Cells with a raised pixel error, to keep --max-triangles{told}", heads, rows)]
 
 
 def _plain(section: Section) -> str:

@@ -52,14 +52,18 @@ class CellVisibility:
 class Engine:
     """Answers cells of one task. Holds the buffers, so that no cell allocates them anew."""
 
-    def __init__(self, soup: Soup, settings: EngineSettings) -> None:
-        """Take the triangles that the cells of the task share."""
+    def __init__(self, soup: Soup, settings: EngineSettings, images: np.ndarray | None = None) -> None:
+        """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
         self._q = np.empty((len(soup.vertices), 3), np.float64)
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
-        self._layers = np.empty((6, r, r, settings.layers, 2), np.float32)
+        self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
+
+    def on(self, soup: Soup) -> Engine:
+        """An engine for other triangles that shares this one's images: use one of the two at a time."""
+        return Engine(soup, self.settings, self._layers)
 
     def reaching_into(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> np.ndarray:
         """Those drawables of a cut (sorted ids) of which a vertex lies in the cell: surely visible, found quickly.

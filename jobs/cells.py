@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +20,11 @@ from jobs.budget import Coarsened, coarsen
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage import octree
-from storage.detail import choose_cut
+from storage.detail import UNBOUNDED, choose_cut, possible_drawables
 from storage.octree import Octree
 from storage.store import Geometry
 from storage.tables import CELL
+from storage.tree import leaves
 
 #: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
@@ -106,9 +108,30 @@ def compute_subtree(
 
 
 def triangles_needed(store: Geometry, root_key: int, parameters: CellParameters) -> int:
-    """Triangles that `compute_subtree` reads and holds for a key."""
+    """The most triangles that `compute_subtree` may read and hold for a key.
+
+    An upper bound, 1.02 to 1.3 times the truth where it was measured, for a fifth of the time that all cuts take.
+    """
     counts = store.drawables["triangles"]
-    return int(counts[_used(store, _cuts(store, root_key, parameters))].sum(dtype=np.int64))
+    inside = _Leaves.of(store, parameters)
+    bottom = _bottom(root_key, parameters)
+    used = np.zeros(len(store.drawables), np.bool_)
+    largest = 0
+    for top in _first_keys(root_key, parameters):
+        keys = [key for key in _below(top, bottom, parameters) if not inside.crowd(key, parameters)]
+        if not keys:
+            continue
+        lo, hi = parameters.octree.boxes(np.array(keys, np.uint64))
+        ids = possible_drawables(
+            store.nodes, store.drawables, lo.min(axis=0), hi.max(axis=0), (hi - lo).min(axis=0),
+            parameters.pixel_angle, _remembered(parameters.pixel_error),
+        )  # fmt: skip
+        used[ids] = True
+        largest = max(largest, int(counts[ids].sum(dtype=np.int64)))
+    held = int(counts[used].sum(dtype=np.int64))
+    # a coarser cut, which a cell may need to keep the budget, is held beside the rest
+    may_need_coarser = bottom == parameters.max_depth and parameters.max_triangles is not None
+    return held + (largest if may_need_coarser else 0)
 
 
 def levels_of_task(top: int, max_depth: int) -> int:
@@ -143,41 +166,64 @@ def _bottom(root_key: int, parameters: CellParameters) -> int:
     return min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)
 
 
+def _below(key: int, bottom: int, parameters: CellParameters) -> list[int]:
+    """A key and all keys below it down to a depth that touch the view box."""
+    level = [key]
+    found = list(level)
+    while octree.depth(level[0]) < bottom:
+        level = [child for parent in level for child in _children_in_view(parent, parameters)]
+        found += level
+    return found
+
+
 def _cuts(store: Geometry, root_key: int, parameters: CellParameters) -> dict[int, np.ndarray]:
     """The cuts of the cells that the task below a key may give: those that touch the view box and are not crowded."""
-    cuts: dict[int, np.ndarray] = {}
+    inside = _Leaves.of(store, parameters)
     bottom = _bottom(root_key, parameters)
-    level = _first_keys(root_key, parameters)
-    while level:
-        for key in level:
-            cut = _cut(store, key, parameters, parameters.pixel_error)
-            if not _is_crowded(store, key, cut, parameters, parameters.most_triangles(octree.depth(key))):
-                cuts[key] = cut
-        level = [c for k in level if octree.depth(k) < bottom for c in _children_in_view(k, parameters)]
-    return cuts
+    keys = [key for first in _first_keys(root_key, parameters) for key in _below(first, bottom, parameters)]
+    return {
+        key: _cut(store, key, parameters, parameters.pixel_error) for key in keys if not inside.crowd(key, parameters)
+    }
 
 
-def _is_crowded(
-    store: Geometry, key: int, cut: np.ndarray, parameters: CellParameters, most_triangles: int | None
-) -> bool:
-    """Whether drawables that lie inside a cell with their whole box, and so are seen, are too many already.
+class _Leaves(NamedTuple):
+    """The finest levels of all leaves, or of none where even what touches a cell may be coarser."""
 
-    Such a cell is split or gets a coarser cut, and no triangle needs to be read to know it.
-    """
-    if most_triangles is None:
-        return False
-    rows = store.drawables[cut]
-    lo, hi = parameters.octree.box(key)
-    inside = ((rows["lo"] > lo) & (rows["hi"] < hi)).all(axis=1)
-    return int(rows["triangles"][inside].sum(dtype=np.int64)) > most_triangles
+    lo: np.ndarray  # (n, 3) boxes
+    hi: np.ndarray
+    triangles: np.ndarray  # (n,)
+
+    @staticmethod
+    def of(store: Geometry, parameters: CellParameters) -> _Leaves:
+        """The leaves of a store."""
+        finest = store.nodes["first_drawable"][leaves(store.nodes)]
+        if _remembered(parameters.pixel_error) * parameters.pixel_angle > UNBOUNDED:
+            finest = finest[:0]
+        rows = store.drawables[finest]
+        return _Leaves(*(np.ascontiguousarray(rows[name]) for name in ("lo", "hi", "triangles")))
+
+    def crowd(self, key: int, parameters: CellParameters) -> bool:
+        """Whether those that lie inside a cell with their whole box, and so are seen, are too many already.
+
+        Such a cell is split or gets a coarser cut, and neither its cut nor a triangle is needed to know it.
+        """
+        most = parameters.most_triangles(octree.depth(key))
+        if most is None:
+            return False
+        lo, hi = parameters.octree.box(key)
+        inside = ((self.lo > lo) & (self.hi < hi)).all(axis=1)
+        return int(self.triangles[inside].sum(dtype=np.int64)) > most
+
+
+def _remembered(pixel_error: float) -> float:
+    """An allowed error as the store will remember it, so that a reader of the store finds the very same cut."""
+    return float(np.float32(pixel_error))
 
 
 def _cut(store: Geometry, key: int, parameters: CellParameters, pixel_error: float) -> np.ndarray:
     """The drawables that stand for the whole model in a cell, with an allowed error in pixels."""
     lo, hi = parameters.octree.box(key)
-    # as the store will remember it, so that a reader of the store finds the very same cut
-    remembered = float(np.float32(pixel_error))
-    return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, remembered)
+    return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, _remembered(pixel_error))
 
 
 def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
@@ -224,8 +270,6 @@ def _coarsened(store: Geometry, engine: Engine, key: int, parameters: CellParame
     """
 
     def look(cut: np.ndarray) -> CellVisibility | None:
-        if _is_crowded(store, key, cut, parameters, most_triangles):
-            return None
         coarser = engine.on(_gather(store, cut, parameters.engine.cluster_size))
         return _look(store, coarser, key, cut, parameters, most_triangles)
 

@@ -59,6 +59,14 @@ class _Corners(click.Option):
 )
 @click.option("--max-depth", type=int, default=5, show_default=True, help="Levels of the octree of cells.")
 @click.option(
+    "--quality",
+    type=click.Choice(["draft", "normal", "high"]),
+    default="normal",
+    show_default=True,
+    help="How much time a cell may take to find what is hidden, and to prove what is not. draft: half of normal's or "
+    "less, for 5 to 10 % more triangles; high: three times normal's, for 2 to 8 % fewer. None misses what can be seen.",
+)
+@click.option(
     "--cell-size", type=float, metavar="LENGTH", help="Smallest edge of a cell in model units, instead of --max-depth."
 )
 @click.option(

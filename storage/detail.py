@@ -106,6 +106,49 @@ def coarsest_triangles(nodes: np.ndarray, drawables: np.ndarray) -> int:
     return int(drawables["triangles"][last].sum(dtype=np.int64))
 
 
+def possible_drawables(
+    nodes: np.ndarray,
+    drawables: np.ndarray,
+    lo: ArrayLike,
+    hi: ArrayLike,
+    edges: ArrayLike,
+    pixel_angle: float,
+    pixel_error: float,
+) -> NDArray[np.int64]:
+    """All drawables that `choose_cut` may give for any box that lies in lo, hi (3,): sorted ids (n,) int64.
+
+    edges: (3,) the least extents of these boxes, in model units. A superset of what boxes of that size give, by one
+    walk instead of one for each box: a node is nowhere nearer to such a box than to the whole, and farther by no more
+    than the diagonal of what the whole exceeds it by.
+    """
+    allowed = float(pixel_error) * float(pixel_angle)
+    low, high, least = (np.asarray(value, np.float64) for value in (lo, hi, edges))
+    spread = float(np.linalg.norm(high - low - least))
+    errors = drawables["error"]
+    found = [np.zeros(0, np.int64)]
+    front = roots(nodes)
+    while len(front):
+        rows = nodes[front]
+        first, levels = rows["first_drawable"].astype(np.int64), rows["levels"].astype(np.int64)
+        near = box_distance(low, high, rows["lo"], rows["hi"])
+        far = (near + spread) * (1 + 1e-9)
+        fits_near, fits_far = (np.full(len(front), -1, np.int64) for _ in range(2))
+        for level in range(int(levels.max(initial=0))):
+            having = np.flatnonzero(levels > level)
+            error = errors[first[having] + level].astype(np.float64)
+            for fits, reach, anywhere in (
+                (fits_near, near * (1 - 1e-9), error_anywhere(0 * least, least, allowed)),
+                (fits_far, far, error_anywhere(low, high, allowed)),
+            ):
+                fits[having[(error <= allowed * (reach[having] - error)) | (error <= anywhere)]] = level
+        leaf = rows["end"] == front + 1
+        coarsest = np.where(leaf, np.maximum(fits_far, 0), fits_far)
+        finest = np.maximum(fits_near, 0)
+        found += [(first + k)[(finest <= k) & (k <= coarsest)] for k in range(int(coarsest.max(initial=-1)) + 1)]
+        front = children(nodes, front[(fits_near < 0) & ~leaf])
+    return np.sort(np.concatenate(found))
+
+
 def cut_within(nodes: np.ndarray, drawables: np.ndarray, error: float) -> NDArray[np.int64]:
     """The coarsest drawables that stand for the whole model with at most `error`: sorted ids (n,) int64.
 

@@ -40,6 +40,20 @@ class EngineSettings:
     #: Part of the task keys: change it whenever results may change.
     version: int = 3
 
+    @property
+    def image_bytes(self) -> int:
+        """Memory of an engine's images, in bytes."""
+        pairs = 6 * self.resolution**2 * self.layers * 8
+        return pairs + 16 * self.resolution**2 + 6 * self.proof_resolution**2 * 12
+
+
+#: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
+QUALITIES: dict[str, EngineSettings] = {
+    "draft": EngineSettings(resolution=128, layers=2, proof_resolution=64, proof_points=2),
+    "normal": EngineSettings(),
+    "high": EngineSettings(resolution=512, proof_resolution=256, proof_points=8),
+}
+
 
 @dataclass(frozen=True)
 class CellVisibility:

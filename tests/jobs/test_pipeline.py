@@ -128,14 +128,14 @@ def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tm
 def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
     model, built, tmp_path, monkeypatch
 ):
-    crowded = jobs.cells._is_crowded
+    crowded = jobs.cells._Leaves.crowd
     seen = []
 
     def noted(*arguments):
         seen.append(crowded(*arguments))
         return False
 
-    monkeypatch.setattr("jobs.cells._is_crowded", noted)
+    monkeypatch.setattr("jobs.cells._Leaves.crowd", noted)
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert any(seen)
     assert shards(tmp_path / "store") == shards(built[0])

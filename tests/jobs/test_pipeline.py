@@ -216,6 +216,8 @@ def test_an_edited_model_is_built_anew(tmp_path):
         {"view_box": (0, 0, 0, float("nan"), 1, 1)},
         {"region": (1, 1, 1, 0, 2, 2)},
         {"triangles_per_cell": 0},
+        {"max_triangles": 0},
+        {"quality": "best"},
         {"max_depth": -1},
         {"max_depth": 99},
         {"cell_size": 0.0},

@@ -10,13 +10,12 @@ then visibility, then smaller cells where the result is too large).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from jobs.budget import Coarsened, coarsen
+from jobs.budget import coarsen
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage import octree
@@ -25,6 +24,10 @@ from storage.octree import Octree
 from storage.store import Geometry
 from storage.tables import CELL
 from storage.tree import leaves
+
+#: A cell whose vLOD is above the target stays whole where its children would save less than this part of its triangles,
+#: on average: their number and their changes are stored for next to nothing. Only where one task knows all of them.
+LEAST_SAVED = 0.1
 
 #: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
@@ -38,7 +41,7 @@ class CellParameters:
     view_lo: tuple[float, float, float]  # cells that do not touch this box are left out
     view_hi: tuple[float, float, float]
     max_depth: int  # deepest level of cells
-    triangles_per_cell: int  # cells with a larger vLOD are split
+    triangles_per_cell: int  # cells with a larger vLOD are split, where that saves something
     pixel_angle: float  # see storage.detail.pixel_angle
     pixel_error: float  # allowed error in pixels; raised where a cell would be above max_triangles
     max_triangles: int | None = None  # no cell reports more; None: whatever it takes
@@ -61,50 +64,112 @@ class SubtreeResult:
     open_keys: list[int]  # sorted in Morton order
 
 
-def compute_subtree(
-    store: Geometry,
-    root_key: int,
-    parameters: CellParameters,
-    progress: Callable[[int, int], None] | None = None,
-) -> SubtreeResult:
+def compute_subtree(store: Geometry, root_key: int, parameters: CellParameters) -> SubtreeResult:
     """Work out the cells of the levels of one task below a key.
 
     The octree's own root is worked out too; any other root is known to need splitting.
     """
-    first = _first_keys(root_key, parameters)
-    bottom = _bottom(root_key, parameters)
-    cuts = _cuts(store, root_key, parameters)
-    engine = Engine(_gather(store, _used(store, cuts), parameters.engine.cluster_size), parameters.engine)
-
-    records: list[np.ndarray] = []
-    sets: list[np.ndarray] = []
-    open_keys: list[int] = []
-    pending = sorted(first, key=_morton, reverse=True)
-    done = 0
-    while pending:
-        key = pending.pop()
-        deep = octree.depth(key)
-        most = parameters.most_triangles(deep)
-        pixel_error, cut = parameters.pixel_error, cuts.get(key)
-        found = None if cut is None else _look(store, engine, key, cut, parameters, most)
-        if found is None and deep == parameters.max_depth:
-            assert most is not None, "without a budget the last cells are worked out whatever they see"
-            coarser = _coarsened(store, engine, key, parameters, most)
-            pixel_error, cut, found = coarser.pixel_error, coarser.cut, coarser.found
-        done += 1
-        if found is not None and cut is not None:
-            records.append(_record(store, key, cut, found, parameters, pixel_error))
-            sets.append(found.visible)
-        elif deep < bottom:
-            pending.extend(sorted(_children_in_view(key, parameters), key=_morton, reverse=True))
-        else:
-            open_keys.append(key)
-        if progress is not None:
-            progress(done, done + len(pending))
-    cells = np.array(records, CELL) if records else np.zeros(0, CELL)
+    task = _Task(store, root_key, parameters)
+    finished = [cell for key in _first_keys(root_key, parameters) for cell in task.cells_of(key)]
+    sets = [cell.visible for cell in finished]
+    cells = np.array([cell.row for cell in finished], CELL) if finished else np.zeros(0, CELL)
     offsets = np.concatenate([[0], np.cumsum([len(s) for s in sets], dtype=np.int64)]).astype(np.int64)
     ids = np.concatenate(sets).astype(np.uint32) if sets else np.zeros(0, np.uint32)
-    return SubtreeResult(cells, offsets, ids, open_keys)
+    return SubtreeResult(cells, offsets, ids, task.open_keys)
+
+
+class _Cell(NamedTuple):
+    """A finished cell."""
+
+    row: np.ndarray  # () CELL
+    visible: np.ndarray  # (k,) int64 sorted ids: its vLOD
+
+
+class _Task:
+    """The cells of one task, which share the triangles that any of them may see."""
+
+    def __init__(self, store: Geometry, root_key: int, parameters: CellParameters) -> None:
+        self.open_keys: list[int] = []  # cells found to need splitting below the task's last level, in Morton order
+        self._store, self._parameters = store, parameters
+        self._bottom = _bottom(root_key, parameters)
+        self._cuts = _cuts(store, root_key, parameters)
+        ids = _used(store, self._cuts)
+        self._engine = Engine(_gather(store, ids, parameters.engine.cluster_size), parameters.engine)
+
+    def cells_of(self, key: int) -> list[_Cell]:
+        """The finished cells that a key is parted into, in Morton order; those left open go to `open_keys`."""
+        depth = octree.depth(key)
+        most = self._parameters.most_triangles(depth)
+        if (cell := self._whole(key, most)) is not None:
+            return [cell]
+        if depth == self._parameters.max_depth:
+            assert most is not None, "without a budget the last cells are worked out whatever they see"
+            return [self._coarsened(key, most)]
+        if depth == self._bottom:
+            self.open_keys.append(key)
+            return []
+        left_open = len(self.open_keys)
+        children = _children_in_view(key, self._parameters)
+        below = [cell for child in children for cell in self.cells_of(child)]
+        if len(below) == len(children) and len(self.open_keys) == left_open:
+            # all children are finished whole: did the split save enough?
+            mean = float(np.mean([int(cell.row["triangles"]) for cell in below]))
+            enough = int(mean / (1 - LEAST_SAVED))
+            if (budget := self._parameters.max_triangles) is not None:
+                enough = min(enough, budget)
+            if most is not None and enough > most and (cell := self._whole(key, enough)) is not None:
+                return [cell]
+        return below
+
+    def _whole(self, key: int, most_triangles: int | None) -> _Cell | None:
+        """A cell at the allowed error; None where it reports more than `most_triangles`, or is known to be crowded."""
+        cut = self._cuts.get(key)
+        if cut is None:
+            return None
+        found = self._look(self._engine, key, cut, most_triangles)
+        return None if found is None else self._finished(key, cut, found, self._parameters.pixel_error)
+
+    def _coarsened(self, key: int, most_triangles: int) -> _Cell:
+        """A cell at the depth limit that reports too much, with a cut so coarse that it does not any more.
+
+        Coarser drawables are read when they are tried, one cut at a time: most cells need none.
+        """
+        store, parameters = self._store, self._parameters
+
+        def look(cut: np.ndarray) -> CellVisibility | None:
+            engine = self._engine.on(_gather(store, cut, parameters.engine.cluster_size))
+            return self._look(engine, key, cut, most_triangles)
+
+        coarser = coarsen(
+            lambda pixel_error: _cut(store, key, parameters, pixel_error),
+            lambda cut: int(store.drawables["triangles"][cut].sum(dtype=np.int64)),
+            look,
+            parameters.pixel_error,
+            most_triangles,
+        )
+        return self._finished(key, coarser.cut, coarser.found, coarser.pixel_error)
+
+    def _look(self, engine: Engine, key: int, cut: np.ndarray, most_triangles: int | None) -> CellVisibility | None:
+        """What can be seen of a cut from a cell; None where that is more than `most_triangles`."""
+        counts, step = self._store.drawables["triangles"], self._store.grid.step
+        lo, hi = self._parameters.octree.box(key)
+        if most_triangles is not None and int(counts[cut].sum(dtype=np.int64)) > most_triangles:
+            inside = engine.reaching_into(lo / step, hi / step, cut)
+            if int(counts[inside].sum(dtype=np.int64)) > most_triangles:
+                return None
+        return engine.visible_from(lo / step, hi / step, cut, most_triangles)
+
+    def _finished(self, key: int, cut: np.ndarray, found: CellVisibility, pixel_error: float) -> _Cell:
+        counts = self._store.drawables["triangles"]
+        row = np.zeros((), CELL)
+        row["key"] = key
+        row["depth"] = octree.depth(key)
+        row["lo"], row["hi"] = self._parameters.octree.box(key)
+        row["computed"] = True
+        row["pixel_error"] = pixel_error
+        for prefix, ids in (("cut_", cut), ("", found.visible), ("proven_", found.proven)):
+            row[f"{prefix}drawables"], row[f"{prefix}triangles"] = len(ids), counts[ids].sum(dtype=np.int64)
+        return _Cell(row, found.visible)
 
 
 def triangles_needed(store: Geometry, root_key: int, parameters: CellParameters) -> int:
@@ -140,11 +205,6 @@ def levels_of_task(top: int, max_depth: int) -> int:
     The first wave takes what is odd, so that the last one, which has by far the most cells, has whole tasks.
     """
     return (max_depth - top) % LEVELS_PER_TASK or LEVELS_PER_TASK
-
-
-def _morton(key: int) -> int:
-    """Sorts keys into depth-first order."""
-    return int(octree.morton_starts(np.array([key], np.uint64))[0])
 
 
 def _children_in_view(key: int, parameters: CellParameters) -> list[int]:
@@ -242,57 +302,3 @@ def _used(store: Geometry, cuts: dict[int, np.ndarray]) -> np.ndarray:
     for cut in cuts.values():
         used[cut] = True
     return np.flatnonzero(used)
-
-
-def _look(
-    store: Geometry,
-    engine: Engine,
-    key: int,
-    cut: np.ndarray,
-    parameters: CellParameters,
-    most_triangles: int | None,
-) -> CellVisibility | None:
-    """What can be seen of a cut from a cell; None where that is more than `most_triangles`."""
-    counts = store.drawables["triangles"]
-    lo, hi = parameters.octree.box(key)
-    grid_lo, grid_hi = lo / store.grid.step, hi / store.grid.step
-    if most_triangles is not None and int(counts[cut].sum(dtype=np.int64)) > most_triangles:
-        inside = engine.reaching_into(grid_lo, grid_hi, cut)
-        if int(counts[inside].sum(dtype=np.int64)) > most_triangles:
-            return None
-    return engine.visible_from(grid_lo, grid_hi, cut, most_triangles)
-
-
-def _coarsened(store: Geometry, engine: Engine, key: int, parameters: CellParameters, most_triangles: int) -> Coarsened:
-    """A cell at the depth limit that reports too many triangles, with a cut so coarse that it does not any more.
-
-    Coarser drawables are read when they are tried, one cut at a time: most cells need none.
-    """
-
-    def look(cut: np.ndarray) -> CellVisibility | None:
-        coarser = engine.on(_gather(store, cut, parameters.engine.cluster_size))
-        return _look(store, coarser, key, cut, parameters, most_triangles)
-
-    return coarsen(
-        lambda pixel_error: _cut(store, key, parameters, pixel_error),
-        lambda cut: int(store.drawables["triangles"][cut].sum(dtype=np.int64)),
-        look,
-        parameters.pixel_error,
-        most_triangles,
-    )
-
-
-def _record(
-    store: Geometry, key: int, cut: np.ndarray, found: CellVisibility, parameters: CellParameters, pixel_error: float
-) -> np.ndarray:
-    """The CELL row of a finished cell."""
-    counts = store.drawables["triangles"]
-    cell = np.zeros((), CELL)
-    cell["key"] = key
-    cell["depth"] = octree.depth(key)
-    cell["lo"], cell["hi"] = parameters.octree.box(key)
-    cell["computed"] = True
-    cell["pixel_error"] = pixel_error
-    for prefix, ids in (("cut_", cut), ("", found.visible), ("proven_", found.proven)):
-        cell[f"{prefix}drawables"], cell[f"{prefix}triangles"] = len(ids), counts[ids].sum(dtype=np.int64)
-    return cell

@@ -48,7 +48,8 @@ class _Corners(click.Option):
     type=int,
     default=50_000,
     show_default=True,
-    help="Split cells that see more triangles, as long as the octree may get deeper: what is aimed at, no guarantee.",
+    help="Split cells that see more triangles, as long as the octree may get deeper and it saves something: what is "
+    "aimed at, no guarantee.",
 )
 @click.option(
     "--max-triangles",
@@ -63,8 +64,9 @@ class _Corners(click.Option):
     type=click.Choice(["draft", "normal", "high"]),
     default="normal",
     show_default=True,
-    help="How much time a cell may take to find what is hidden, and to prove what is not. draft: half of normal's or "
-    "less, for 5 to 10 % more triangles; high: three times normal's, for 2 to 8 % fewer. None misses what can be seen.",
+    help="How much time a cell may take to find what is hidden, and to prove what is not. draft: about half of "
+    "normal's, for 5 to 10 % more triangles; high: three times normal's, for 2 to 8 % fewer. None misses what "
+    "can be seen.",
 )
 @click.option(
     "--cell-size", type=float, metavar="LENGTH", help="Smallest edge of a cell in model units, instead of --max-depth."

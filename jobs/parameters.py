@@ -29,6 +29,9 @@ OBJECTS: dict[str, dict[str, float]] = {
     "gigawalk": {"object_triangles": 1000, "object_size": 0.1, "object_ratio": 2.5, "cluster_volume": 1e-3},
 }
 
+#: Names of the settings of `jobs.visibility.engine.QUALITIES`, which needs compiled kernels to be asked.
+QUALITY_NAMES = ("draft", "normal", "high")
+
 Box = tuple[float, float, float, float, float, float]
 
 
@@ -38,8 +41,10 @@ class BuildParameters:
 
     view_box: Box | None = None  # x0 y0 z0 x1 y1 z1: where the viewer may be; None: the model's box, slightly larger
     region: Box | None = None  # only cells that touch it are computed; None: all
-    triangles_per_cell: int = 50_000  # cells that see more are split
+    triangles_per_cell: int = 50_000  # cells that see more are split, down to max_depth
+    max_triangles: int | None = None  # no cell reports more: at max_depth its pixel error is raised; None: any number
     max_depth: int = 5  # of the octree of cells; the root has depth 0
+    quality: str = "normal"  # draft, normal or high: how much time a cell may take to see what is hidden
     cell_size: float | None = None  # cells are not split below this edge; takes the place of max_depth
     pixel_error: float = 1.0  # allowed error, in pixels
     sampled: bool = False  # cells hold what rays meet: smaller, but may miss what can be seen
@@ -64,6 +69,10 @@ class BuildParameters:
                 raise ParameterError(f"the {name} needs x0 < x1, y0 < y1 and z0 < z1, not {box}")
         if self.triangles_per_cell < 1:
             raise ParameterError(f"triangles per cell must be at least 1, not {self.triangles_per_cell}")
+        if self.max_triangles is not None and self.max_triangles < 1:
+            raise ParameterError(f"max triangles must be at least 1, not {self.max_triangles}")
+        if self.quality not in QUALITY_NAMES:
+            raise ParameterError(f"the quality must be one of {', '.join(QUALITY_NAMES)}, not {self.quality!r}")
         if not 0 <= self.max_depth <= MAX_DEPTH:
             raise ParameterError(f"the depth of the octree must be from 0 to {MAX_DEPTH}, not {self.max_depth}")
         for name, value in (("cell size", self.cell_size), ("pixel error", self.pixel_error)):

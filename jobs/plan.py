@@ -51,9 +51,10 @@ DETAIL_PER_TRIANGLE = 1000
 #: Bytes for each node while the tables of the whole model are joined. Measured: 1,700.
 TABLES_PER_NODE = 3000
 
-#: Bytes for each triangle that cells are worked out from, and what their images take. Measured: 290 a triangle.
+#: Bytes for each triangle that cells are worked out from, and for all else but the engine's images. Measured: 290 a
+#: triangle.
 CELLS_PER_TRIANGLE = 400
-CELLS_IMAGES = 100 << 20
+CELLS_REST = 100 << 20
 
 #: Bytes for each cell while all are laid out.
 LAYOUT_PER_CELL = 2000
@@ -227,7 +228,7 @@ def tables_task(imported: TaskResult, hierarchy: TaskResult, detail: Sequence[Ta
 
 def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: float) -> dict[str, Any]:
     """What decides the cells, as JSON: see `jobs.stages.cells`."""
-    from jobs.visibility.engine import EngineSettings
+    from jobs.visibility.engine import QUALITIES
 
     return {
         "octree_lo": list(space.octree.lo),
@@ -236,9 +237,10 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
         "view_hi": list(space.hi),
         "max_depth": space.max_depth,
         "triangles_per_cell": parameters.triangles_per_cell,
+        "max_triangles": parameters.max_triangles,
         "pixel_angle": pixel_angle,
         "pixel_error": parameters.pixel_error,
-        "engine": dataclasses.asdict(EngineSettings(sampled=parameters.sampled)),
+        "engine": dataclasses.asdict(dataclasses.replace(QUALITIES[parameters.quality], sampled=parameters.sampled)),
     }
 
 
@@ -249,15 +251,18 @@ class CellsPlan:
         """parameters: see `cell_parameters`."""
         self._tables = tables
         self._parameters = dict(parameters)
+        self._options = cells_options(self._parameters)
 
     def first(self, place: Workplace) -> Task:
-        """The task on the octree's topmost cells."""
+        """The task on the octree's topmost cells. Raises ParameterError where no cell can keep to `max_triangles`."""
+        from jobs.budget import check_budget
         from jobs.cells import triangles_needed
         from storage.octree import ROOT
         from storage.store import open_geometry
 
         geometry = open_geometry(place.store, geometry_section_of(place, self._tables.key))
-        return self._task(ROOT, triangles_needed(geometry, ROOT, cells_options(self._parameters)))
+        check_budget(geometry, self._options.max_triangles)
+        return self._task(ROOT, triangles_needed(geometry, ROOT, self._options))
 
     def then(self, result: TaskResult) -> list[Task]:
         """The tasks that can be made now that one more is finished."""
@@ -269,7 +274,7 @@ class CellsPlan:
             stages.CELLS,
             {"geometry": self._tables.record["content"], "root": root, "parameters": self._parameters},
             {"tables": self._tables.key},
-            PROCESS + CELLS_IMAGES + CELLS_PER_TRIANGLE * triangles,
+            PROCESS + CELLS_REST + self._options.engine.image_bytes + CELLS_PER_TRIANGLE * triangles,
         )
 
 

@@ -27,6 +27,7 @@ import numpy as np
 from jobs.errors import WorkerLostError
 from jobs.oracle import Oracle, Sight, examine
 from storage import open_store
+from storage.detail import UNBOUNDED
 from storage.errors import ParameterError
 from storage.store import Store
 
@@ -248,7 +249,9 @@ def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
     gap = np.maximum(rows["lo"].astype(np.float64) - row["hi"], row["lo"] - rows["hi"].astype(np.float64)).clip(min=0)
     distance = np.sqrt((gap * gap).sum(axis=1))
     error = rows["error"].astype(np.float64)
-    allowed = float(row["pixel_error"]) * store.manifest.pixel_angle * np.maximum(distance, 0)
+    # beyond UNBOUNDED, which only a cell that is kept small reaches, near things may be coarser
+    angle = float(row["pixel_error"]) * store.manifest.pixel_angle
+    allowed = np.maximum(angle * distance, (angle - UNBOUNDED) * np.linalg.norm(row["hi"] - row["lo"]))
     coarse = ((rows["level"] > 0) | ~leaf[rows["node"]]) & (error > allowed * (1 + 1e-6))
     for d in cut[coarse][:MOST_TOLD]:
         report.problems.append(f"cell {cell}: drawable {d} is too coarse for the allowed {row['pixel_error']} pixels")

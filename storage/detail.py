@@ -47,6 +47,10 @@ def box_distance(lo: ArrayLike, hi: ArrayLike, other_lo: ArrayLike, other_hi: Ar
     return np.sqrt((x * x + y * y) + z * z)
 
 
+#: From this allowed error on, as a part of the distance, what is near is not bound by it any more: see `choose_cut`.
+#: About 7 degrees, or 279 pixels of the default screen.
+UNBOUNDED = 0.125
+
 #: Says of nodes, by their indices (k,) int64, which are wanted (k,) bool: the others are left out with all below them.
 Wanted = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 
@@ -68,17 +72,81 @@ def choose_cut(
     below it, at the coarsest such level; r is the distance between the two boxes: then what is drawn lies within that
     many pixels of where it belongs, from everywhere in the box. Leaves that have no level that good stand for
     themselves at their finest. Float64, the same bits on every machine. Work and memory follow the result's size.
+    So what touches the box is at its finest, however large the allowed error. A cell that must be coarser still (see
+    `jobs.budget`) allows more than UNBOUNDED = allowed / distance: then whatever lies anywhere, in the box too, may be
+    off by the part of the box's diagonal by which UNBOUNDED is exceeded. With enough pixels the roots' coarsest levels
+    are the cut.
 
     Based on: C. Erikson, D. Manocha, W. V. Baxter, HLODs for Faster Display of Large Static and Dynamic Environments,
     I3D 2001; W. V. Baxter et al., GigaWalk, UNC TR02-013, 2002, section 5.1.2.
     """
     allowed = float(pixel_error) * float(pixel_angle)
+    anywhere = error_anywhere(lo, hi, allowed)
 
     def good(rows: np.ndarray) -> Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]:
         reach = box_distance(lo, hi, rows["lo"], rows["hi"])
-        return lambda having, error: error <= allowed * (reach[having] - error)
+        return lambda having, error: (error <= allowed * (reach[having] - error)) | (error <= anywhere)
 
     return _cut(nodes, drawables, good, wanted)
+
+
+def error_anywhere(lo: ArrayLike, hi: ArrayLike, allowed: float) -> float:
+    """The error, in model units, that is allowed as seen from the box lo, hi (3,) however near: see `choose_cut`.
+
+    allowed: error over distance. 0 up to UNBOUNDED.
+    """
+    x, y, z = (np.asarray(hi, np.float64) - np.asarray(lo, np.float64)).tolist()
+    return max(0.0, allowed - UNBOUNDED) * math.sqrt((x * x + y * y) + z * z)
+
+
+def coarsest_triangles(nodes: np.ndarray, drawables: np.ndarray) -> int:
+    """Triangles of the coarsest cut there is: the roots' coarsest levels."""
+    rows = nodes[roots(nodes)]
+    last = rows["first_drawable"].astype(np.int64) + rows["levels"] - 1
+    return int(drawables["triangles"][last].sum(dtype=np.int64))
+
+
+def possible_drawables(
+    nodes: np.ndarray,
+    drawables: np.ndarray,
+    lo: ArrayLike,
+    hi: ArrayLike,
+    edges: ArrayLike,
+    pixel_angle: float,
+    pixel_error: float,
+) -> NDArray[np.int64]:
+    """All drawables that `choose_cut` may give for any box that lies in lo, hi (3,): sorted ids (n,) int64.
+
+    edges: (3,) the least extents of these boxes, in model units. A superset of what boxes of that size give, by one
+    walk instead of one for each box: a node is nowhere nearer to such a box than to the whole, and farther by no more
+    than the diagonal of what the whole exceeds it by.
+    """
+    allowed = float(pixel_error) * float(pixel_angle)
+    low, high, least = (np.asarray(value, np.float64) for value in (lo, hi, edges))
+    spread = float(np.linalg.norm(high - low - least))
+    errors = drawables["error"]
+    found = [np.zeros(0, np.int64)]
+    front = roots(nodes)
+    while len(front):
+        rows = nodes[front]
+        first, levels = rows["first_drawable"].astype(np.int64), rows["levels"].astype(np.int64)
+        near = box_distance(low, high, rows["lo"], rows["hi"])
+        far = (near + spread) * (1 + 1e-9)
+        fits_near, fits_far = (np.full(len(front), -1, np.int64) for _ in range(2))
+        for level in range(int(levels.max(initial=0))):
+            having = np.flatnonzero(levels > level)
+            error = errors[first[having] + level].astype(np.float64)
+            for fits, reach, anywhere in (
+                (fits_near, near * (1 - 1e-9), error_anywhere(0 * least, least, allowed)),
+                (fits_far, far, error_anywhere(low, high, allowed)),
+            ):
+                fits[having[(error <= allowed * (reach[having] - error)) | (error <= anywhere)]] = level
+        leaf = rows["end"] == front + 1
+        coarsest = np.where(leaf, np.maximum(fits_far, 0), fits_far)
+        finest = np.maximum(fits_near, 0)
+        found += [(first + k)[(finest <= k) & (k <= coarsest)] for k in range(int(coarsest.max(initial=-1)) + 1)]
+        front = children(nodes, front[(fits_near < 0) & ~leaf])
+    return np.sort(np.concatenate(found))
 
 
 def cut_within(nodes: np.ndarray, drawables: np.ndarray, error: float) -> NDArray[np.int64]:

@@ -21,6 +21,8 @@ WORST = 5
 BINS = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
 #: Characters of the histogram's longest bar.
 BAR = 24
+#: How many of the cells with the largest raised pixel errors are named; --json names all.
+LARGEST = 20
 
 #: What the kinds of frames are called.
 _KINDS = {
@@ -106,10 +108,11 @@ def _cells(store: Store) -> dict[str, Any]:
     edges = (cells["hi"] - cells["lo"])[:, 0]
     reported, proven = (cells[name].astype(np.int64) for name in ("triangles", "proven_triangles"))
     worst = np.lexsort((numbers, proven - reported))[:WORST]
+    target = store.manifest.parameters.get("triangles_per_cell")
     return {
         "cells": len(store.cells),
         "computed": len(cells),
-        "limited": int(cells["limited"].sum()),
+        "above_target": None if target is None else int((reported > int(target)).sum()),
         "depths": {str(depth): int(count) for depth, count in zip(depths, counts, strict=True)},
         "smallest_edge": float(edges.min()),
         "largest_edge": float(edges.max()),
@@ -141,6 +144,7 @@ def _cells(store: Store) -> dict[str, Any]:
             }
             for at in worst.tolist()
         ],
+        "raised": _raised(store, numbers),
     }
 
 
@@ -153,6 +157,23 @@ def _histogram(reported: np.ndarray, proven: np.ndarray) -> list[dict[str, Any]]
     return [
         {"from": low, "to": high, "cells": count}
         for low, high, count in zip(BINS, (*BINS[1:], None), counts, strict=True)
+    ]
+
+
+def _raised(store: Store, numbers: np.ndarray) -> list[dict[str, Any]]:
+    """Those of some cells whose pixel error was raised to keep --max-triangles, the largest error first."""
+    built_for = np.float32(store.manifest.parameters.get("pixel_error", 1.0))
+    errors = store.cells["pixel_error"][numbers]
+    order = np.lexsort((numbers, -errors))
+    return [
+        {
+            "cell": cell,
+            "lo": store.cells["lo"][cell].tolist(),
+            "hi": store.cells["hi"][cell].tolist(),
+            "pixel_error": float(store.cells["pixel_error"][cell]),
+            "reported_triangles": int(store.cells["triangles"][cell]),
+        }
+        for cell in numbers[order[errors[order] > built_for]].tolist()
     ]
 
 
@@ -229,11 +250,13 @@ def sections(facts: dict[str, Any]) -> list[Section]:
 
 def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
     depths = [f"{count:,} at depth {depth}" for depth, count in cells["depths"].items()]
+    above = cells["above_target"]
     rows = [
         ("computed", f"{cells['computed']:,} of {cells['cells']:,}"),
         ("depths", ", ".join(depths)),
         ("edges", f"{cells['smallest_edge']:.3g} to {cells['largest_edge']:.3g}"),
-        ("at the depth limit", f"{cells['limited']:,}"),
+        *([] if above is None else [("above --triangles-per-cell", f"{above:,}")]),
+        ("pixel error raised", f"{len(cells['raised']):,}"),
         ("drawables in a vLOD", f"{cells['median_drawables']:,.0f} (median)"),
         (
             "triangles in a vLOD",
@@ -291,7 +314,26 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
         ),
         Section("Cells by tightness", ("reported / proven", "cells", "share", "".ljust(BAR)), histogram),
         Section("Cells with the largest gaps", ("cell", "reported", "proven", "cut", "tightness", "box"), worst),
+        *_raised_sections(cells["raised"]),
     ]
+
+
+def _raised_sections(raised: Sequence[dict[str, Any]]) -> list[Section]:
+    """The cells whose pixel error was raised, the largest first; --json has all of them."""
+    if not raised:
+        return []
+    told = f", {LARGEST} of {len(raised):,}" if len(raised) > LARGEST else ""
+    rows = [
+        (
+            str(row["cell"]),
+            f"{row['pixel_error']:g}",
+            f"{row['reported_triangles']:,}",
+            *(", ".join(f"{value:.4g}" for value in row[corner]) for corner in ("lo", "hi")),
+        )
+        for row in raised[:LARGEST]
+    ]
+    heads = ("cell", "pixel error", "reported", "from", "to")
+    return [Section(f"Cells with a raised pixel error, to keep --max-triangles{told}", heads, rows)]
 
 
 def _plain(section: Section) -> str:

@@ -87,8 +87,8 @@ CELL = np.dtype(
         ("lo", "<f8", (3,)),
         ("hi", "<f8", (3,)),
         ("computed", "?"),
-        ("limited", "?"),  # the cell stayed above --triangles-per-cell at the depth limit
-        ("pixel_error", "<f4"),  # allowed error of the cell's cut in pixels
+        ("pixel_error", "<f4"),  # allowed error of the cell's cut in pixels; above the build's where it was raised to
+        # keep the most triangles that a cell may report
         ("cut_drawables", "<u4"),
         ("cut_triangles", "<u8"),
         ("drawables", "<u4"),  # drawables reported as visible: the size of the cell's vLOD

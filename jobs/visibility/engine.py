@@ -52,6 +52,22 @@ class EngineSettings:
     #: Part of the task keys: change it whenever results may change.
     version: int = 4
 
+    @property
+    def image_bytes(self) -> int:
+        """Memory of an engine's images, in bytes."""
+        pairs = 6 * self.resolution**2 * self.layers * 8
+        return pairs + 16 * self.resolution**2 + 6 * self.proof_resolution**2 * 12
+
+
+#: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
+QUALITIES: dict[str, EngineSettings] = {
+    "draft": EngineSettings(resolution=128, layers=2, proof_points=1, aimed_rays=4096, most_aimed_rays=512),
+    "normal": EngineSettings(),
+    "high": EngineSettings(
+        resolution=512, proof_resolution=128, proof_points=8, aimed_rays=65_536, most_aimed_rays=4096
+    ),
+}
+
 
 @dataclass(frozen=True)
 class CellVisibility:
@@ -77,19 +93,23 @@ class _Glimpses:
 class Engine:
     """Answers cells of one task. Holds the buffers, so that no cell allocates them anew."""
 
-    def __init__(self, soup: Soup, settings: EngineSettings) -> None:
-        """Take the triangles that the cells of the task share."""
+    def __init__(self, soup: Soup, settings: EngineSettings, images: np.ndarray | None = None) -> None:
+        """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
         self._q = np.empty((len(soup.vertices), 3), np.float64)
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
-        self._layers = np.empty((6, r, r, settings.layers, 2), np.float32)
+        self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene = ray_tree.Scene(
             *ray_tree.build_tree(soup.cluster_lo, soup.cluster_hi), soup.vertices, soup.triangles, soup.cluster_start,
             soup.cluster_drawable, soup.triangle_drawable, soup.one_sided,
         )  # fmt: skip
+
+    def on(self, soup: Soup) -> Engine:
+        """An engine for other triangles that shares this one's images: use one of the two at a time."""
+        return Engine(soup, self.settings, self._layers)
 
     def reaching_into(self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> np.ndarray:
         """Those drawables of a cut (sorted ids) of which a vertex lies in the cell: surely visible, found quickly.

@@ -119,13 +119,17 @@ class Vlod:
         return self._list
 
     def _at_detail(self, cell: int, ids: Ids) -> Ids:
-        """The cell's list, with the cut chosen anew where another error is allowed than the store was built for."""
+        """The cell's list, with the cut chosen anew where another error is allowed than the store was built for.
+
+        A cell that was built coarser, to keep the most triangles that a cell may have, stays that much coarser.
+        """
         store = self._scene.store
-        row = store.cells[cell]
-        if self.pixel_error == float(row["pixel_error"]):
+        if self.pixel_error == self._scene.pixel_error:
             return ids
+        row = store.cells[cell]
+        error = float(row["pixel_error"]) * (self.pixel_error / self._scene.pixel_error)
         angle = store.manifest.pixel_angle
-        cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, self.pixel_error)
+        cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, error)
         return cut[overlapping(store.nodes, self._scene.node_of[cut], self._scene.node_of[ids])]
 
     def _set_of(self, cell: int) -> Ids:

@@ -15,14 +15,14 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jobs.oracle import Oracle, examine
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
 from jobs.visibility.soup import build_soup
 from storage.detail import cut_within
 from storage.store import Geometry
@@ -160,11 +160,13 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=50)
     parser.add_argument("--rays", type=int, default=100_000)
     parser.add_argument("--work", type=Path, default=Path("build/visibility"))
-    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the engine")
+    parser.add_argument("--quality", choices=QUALITIES, default="normal")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the engine, changed")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    settings = EngineSettings(
-        **{k: type(getattr(EngineSettings(), k))(v) for k, v in (s.split("=") for s in arguments.set)}
+    settings = replace(
+        QUALITIES[arguments.quality],
+        **{k: type(getattr(EngineSettings(), k))(v) for k, v in (s.split("=") for s in arguments.set)},
     )
     rows: list[dict[str, Any]] = []
     print("model, triangles | cell | tightness: triangles, drawables, proven | ms: median, mean, worst | seen | missed")

@@ -106,6 +106,23 @@ def test_what_a_sampled_store_says_it_misses_is_what_the_oracle_finds(tmp_path):
     assert difference <= 5 * (found["missed_rays"] + found["stored_missed_rays"]) ** 0.5
 
 
+def test_a_budget_holds_and_info_lists_what_it_cost(store, tmp_path):
+    free = said(vlod("info", store, "--json"))["cells"]
+    assert free["raised"] == []
+    most = free["largest_triangles"] // 2
+    options = ["--triangles-per-cell", 150, "--max-depth", 2, "--max-triangles", most, "--quality", "high"]
+    model = store.parent / "rooms.obj"
+    said(vlod("build", model, tmp_path / "s", *options, "--executor", "serial", "--json"))
+    facts = said(vlod("info", tmp_path / "s", "--json"))
+    assert facts["parameters"]["max_triangles"] == most
+    assert facts["parameters"]["quality"] == "high"
+    assert facts["cells"]["largest_triangles"] <= most
+    assert facts["cells"]["raised"]
+    assert all(row["pixel_error"] > 1 and row["reported_triangles"] <= most for row in facts["cells"]["raised"])
+    assert "to keep --max-triangles" in vlod("info", tmp_path / "s").stdout
+    assert said(vlod("verify", tmp_path / "s", "--cells", 20, "--samples", 200, "--json"))["ok"]
+
+
 def test_verify_prints_a_table(store):
     done = vlod("verify", store, "--cells", 2, "--samples", 50)
     assert done.returncode == 0

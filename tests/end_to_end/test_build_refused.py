@@ -63,6 +63,12 @@ def test_too_little_memory_names_what_suffices(model, tmp_path):
     assert "lots" in refused("build", model, tmp_path / "store", "--memory", "lots")
 
 
+def test_a_budget_below_the_coarsest_model(model, tmp_path):
+    said = refused("build", model, tmp_path / "store", "--executor", "serial", "--max-triangles", "1")
+    assert "no cell can report as few as 1 triangles" in said
+    assert "allow --max-triangles " in said
+
+
 def test_a_folder_without_models(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "readme.txt").write_text("nothing here")
@@ -76,6 +82,7 @@ def test_a_folder_without_models(tmp_path):
         ["--view-box", "0", "0", "0", "0", "0", "0"],
         ["--pixel-error", "0"],
         ["--triangles-per-cell", "-5"],
+        ["--max-triangles", "0"],
         ["--field-of-view", "180"],
         ["--executor", "serial", "--workers", "3"],
     ],

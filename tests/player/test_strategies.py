@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from player.view import boxes_between, boxes_in_frustum
 from storage.detail import choose_cut
 from storage.store import Store
 from tests.player.conftest import inside_view, view_from
+from tests.storage.tiny_store import make_store, room_parts
 
 
 def _all_strategies(store: Store) -> list[Strategy]:
@@ -96,6 +98,33 @@ def test_more_allowed_error_means_fewer_triangles(room: Store) -> None:
         triangles.append(int(room.drawables["triangles"][strategy.choose(view).drawables].sum()))
     assert triangles == sorted(triangles, reverse=True)
     assert triangles[-1] < triangles[0]
+
+
+@pytest.mark.parametrize("built_for", [1.0, 0.3])
+def test_a_cell_with_a_raised_error_stays_coarser_by_as_much(tmp_path: Path, built_for: float) -> None:
+    plain = make_store(tmp_path / "plain", room_parts(), depth=1, pixel_error=built_for)
+    position = inside_view().position
+    cell = int(plain.cell_at(position[None])[0])
+    store = make_store(tmp_path / "raised", room_parts(), depth=1, pixel_error=built_for, raised={cell: 60 * built_for})
+    assert len(store.vlod(cell))
+    assert not np.array_equal(store.vlod(cell), plain.vlod(cell))
+    strategy = Vlod(scene_of(store), pixel_error=built_for, wait=True)
+    rows = store.drawables
+
+    def drawn(error: float) -> set[int]:
+        strategy.pixel_error = error
+        return set(strategy.choose(inside_view()).drawables.tolist())
+
+    def allowed(error: float) -> set[int]:
+        row = store.cells[cell]
+        cut = choose_cut(store.nodes, rows, row["lo"], row["hi"], store.manifest.pixel_angle, error)
+        return set(cut[boxes_in_frustum(inside_view(), boxes_between(rows["lo"][cut], rows["hi"][cut]))].tolist())
+
+    remembered = float(np.float32(60 * built_for))
+    assert drawn(built_for) == allowed(remembered) <= set(store.vlod(cell).tolist())
+    assert drawn(4 * built_for) == allowed(remembered * 4)
+    assert drawn(built_for / 8) == allowed(remembered / 8)
+    assert drawn(built_for / 8) != drawn(built_for) != drawn(40 * built_for)
 
 
 def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:

@@ -129,6 +129,34 @@ def test_info_as_json_says_everything(tmp_path: Path) -> None:
     assert sizes["boundaries"] == 144
 
 
+def test_info_names_cells_with_a_raised_pixel_error(tmp_path: Path) -> None:
+    raised = {7: 3.0, 9: 1.5, **dict.fromkeys(range(20, 41), 2.0)}
+    store = make_store(tmp_path, room_parts(), raised=raised, triangles_per_cell=1000)
+    cells = json.loads(_run("info", "--json", str(tmp_path)).output)["cells"]
+    assert [(row["cell"], row["pixel_error"]) for row in cells["raised"]] == sorted(
+        raised.items(), key=lambda item: (-item[1], item[0])
+    )
+    row = cells["raised"][0]
+    assert (row["lo"], row["hi"]) == (store.cells["lo"][7].tolist(), store.cells["hi"][7].tolist())
+    assert row["reported_triangles"] == store.cells["triangles"][7]
+    assert cells["above_target"] == (store.cells["triangles"] > 1000).sum() > 0
+    text = _run("info", str(tmp_path)).output
+    assert "pixel error raised          23" in text
+    assert f"above --triangles-per-cell  {cells['above_target']}" in text
+    listed = text.partition("Cells with a raised pixel error, to keep --max-triangles, 20 of 23\n")[2].splitlines()
+    assert listed[1].split()[:2] == ["7", "3"]
+    assert listed[20].split()[:2] == ["38", "2"]
+    assert listed[21] == ""
+
+
+def test_info_tells_of_no_raised_pixel_error_where_there_is_none(tmp_path: Path) -> None:
+    make_store(tmp_path, room_parts(), depth=1, pixel_error=0.3)
+    assert json.loads(_run("info", "--json", str(tmp_path)).output)["cells"]["raised"] == []
+    text = _run("info", str(tmp_path)).output
+    assert "pixel error raised          0" in text
+    assert "to keep --max-triangles" not in text
+
+
 def test_info_without_cells(tmp_path: Path) -> None:
     make_store(tmp_path, room_parts()[:1], keys=[])
     result = _run("info", str(tmp_path))

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.detail import choose_cut, cut_within, pixel_angle
+from storage.detail import UNBOUNDED, choose_cut, coarsest_triangles, cut_within, pixel_angle, possible_drawables
 from storage.errors import ParameterError
 from storage.tables import DRAWABLE, NODE
 from storage.tree import parents, roots
@@ -104,3 +104,50 @@ def test_what_is_not_wanted_is_left_out_with_all_below_it(count: int, seed: int)
     some = choose_cut(nodes, drawables, np.zeros(3), np.zeros(3), 1e-3, 1.0, lambda ids: wanted[ids])
     node_of = np.repeat(np.arange(count), nodes["levels"])
     assert some.tolist() == everything[kept[node_of[everything]]].tolist()
+
+
+def _ordered_forest(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A forest whose errors grow towards the roots, as a store's do."""
+    nodes, drawables = _forest(random, count)
+    above = parents(nodes)
+    drawables["error"] += np.float32(0.001)
+    drawables["triangles"] = random.integers(1, 50, len(drawables))
+    for node in range(count - 1, -1, -1):
+        own = slice(int(nodes["first_drawable"][node]), int(nodes["first_drawable"][node] + nodes["levels"][node]))
+        below = np.flatnonzero(above == node)
+        ends = nodes["first_drawable"][below] + nodes["levels"][below] - 1
+        drawables["error"][own] += drawables["error"][ends].max(initial=0)
+    return nodes, drawables
+
+
+@given(st.integers(1, 30), st.integers(0, 2**32 - 1), st.sampled_from([0.5, 3, 130, 400]))
+def test_possible_drawables_hold_the_cuts_of_all_boxes_inside(count: int, seed: int, pixels: float) -> None:
+    random = np.random.default_rng(seed)
+    nodes, drawables = _ordered_forest(random, count)
+    lo = random.uniform(-12, 12, 3)
+    hi = lo + random.uniform(0.1, 4, 3)
+    edges = (hi - lo) * random.choice([1, 0.5, 0.25])
+    possible = possible_drawables(nodes, drawables, lo, hi, edges, 1e-3, pixels)
+    assert (np.diff(possible) > 0).all()
+    for _ in range(10):
+        low = lo + random.random(3) * (hi - lo - edges)
+        assert np.isin(choose_cut(nodes, drawables, low, low + edges, 1e-3, pixels), possible).all()
+    if (edges == hi - lo).all():
+        assert np.array_equal(possible, choose_cut(nodes, drawables, lo, hi, 1e-3, pixels))
+
+
+@given(st.integers(1, 30), st.integers(0, 2**32 - 1))
+def test_what_touches_the_box_gets_coarser_beyond_the_bound_only(count: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    nodes, drawables = _ordered_forest(random, count)
+    lo, hi = nodes["lo"].min(axis=0).astype(float), nodes["hi"].max(axis=0).astype(float)  # every node touches it
+    leaf = nodes["end"] == np.arange(count) + 1
+    finest = nodes["first_drawable"][leaf]
+    diagonal = float(np.linalg.norm(hi - lo))
+    assert choose_cut(nodes, drawables, lo, hi, 1e-3, 1000 * UNBOUNDED).tolist() == finest.tolist()
+    wide = choose_cut(nodes, drawables, lo, hi, 1e-3, 1000 * (UNBOUNDED + 0.004 / diagonal))
+    assert drawables["error"][wide[~np.isin(wide, finest)]].max(initial=0) <= 0.004 * (1 + 1e-6)
+    assert wide.tolist() == cut_within(nodes, drawables, 0.004).tolist()
+    coarsest = choose_cut(nodes, drawables, lo, hi, 1e-3, 1e9)
+    assert len(coarsest) == len(roots(nodes))
+    assert drawables["triangles"][coarsest].sum() == coarsest_triangles(nodes, drawables)

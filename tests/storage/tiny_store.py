@@ -8,9 +8,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -161,6 +162,8 @@ def make_store(
     visible: Callable[[Geometry, np.ndarray, np.ndarray], np.ndarray] | None = None,
     uncomputed: Collection[int] = (),
     pixel_error: float = 1.0,
+    raised: Mapping[int, float] = MappingProxyType({}),
+    triangles_per_cell: int = 1000,
     screen_height: int = 1080,
     field_of_view: float = 60.0,
     cells_per_shard: int = 16,
@@ -169,7 +172,8 @@ def make_store(
 
     depth: all cells of the octree at that depth, in Morton order; keys: these cells instead (a leaf set in Morton
     order); visible(geometry, cell, cut): the vLOD of a CELL row, sorted ids out of its cut; uncomputed: numbers of
-    cells that are listed but were not computed; cells_per_shard: cells in each cell shard.
+    cells that are listed but were not computed; raised: cells with a pixel error of
+    their own; cells_per_shard: cells in each cell shard.
     """
     section, octree, model = make_geometry(root, parts)
     angle = pixel_angle(screen_height, field_of_view)
@@ -179,7 +183,7 @@ def make_store(
     cells = np.zeros(len(leaves), CELL)
     cells["key"], cells["lo"], cells["hi"] = leaves, lo, hi
     cells["depth"] = [(int(key).bit_length() - 1) // 3 for key in leaves]
-    cells["pixel_error"] = pixel_error
+    cells["pixel_error"] = [raised.get(number, pixel_error) for number in range(len(cells))]
     sets = []
     sizes = geometry.drawables["triangles"].astype(np.int64)
     for number, cell in enumerate(cells):
@@ -209,6 +213,7 @@ def make_store(
             "field_of_view": field_of_view,
             "pixel_error": pixel_error,
             "max_depth": depth,
+            "triangles_per_cell": triangles_per_cell,
         },
         geometry=section,
         cells=cells_section(root, octree, shards),

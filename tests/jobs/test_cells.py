@@ -1,0 +1,115 @@
+"""Which cells there are, what their tasks need, and how much time they may take."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import jobs.cells
+from jobs.cells import CellParameters, compute_subtree, triangles_needed
+from jobs.executors import SerialExecutor
+from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
+from jobs.pipeline import build
+from jobs.plan import cell_parameters
+from jobs.scenes import write_scene
+from jobs.stages.cells import cell_parameters as from_payload
+from jobs.visibility.engine import QUALITIES, EngineSettings
+from storage import octree, open_store
+from storage.detail import pixel_angle
+from storage.store import Geometry, Store
+from tests.jobs.built_geometry import build_geometry
+
+PARAMETERS = BuildParameters(triangles_per_cell=2000, max_depth=3, quality="draft")
+SMALL = (-20.0, -20.0, 0.0, 20.0, 20.0, 3.0)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "plant.glb"
+    write_scene("plant", path, 20_000, 0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def geometry(model, tmp_path_factory) -> Geometry:
+    return build_geometry([model], tmp_path_factory.mktemp("geometry")).geometry
+
+
+@pytest.fixture(scope="module")
+def default(model, tmp_path_factory) -> Store:
+    return built(model, tmp_path_factory.mktemp("default"), PARAMETERS)
+
+
+def built(model, folder, parameters: BuildParameters) -> Store:
+    build([model], folder / "store", parameters, SerialExecutor())
+    return open_store(folder / "store")
+
+
+def of_cells(geometry: Geometry, parameters: BuildParameters) -> CellParameters:
+    lo, hi = (geometry.nodes[name][0].astype(np.float64) for name in ("lo", "hi"))
+    space = view_space(parameters, lo, hi, np.zeros(3))
+    return from_payload(cell_parameters(parameters, space, pixel_angle(1080, 60)))
+
+
+def test_what_splits_save_little_stays_whole(model, default, tmp_path, monkeypatch):
+    monkeypatch.setattr(jobs.cells, "LEAST_SAVED", -np.inf)
+    split = built(model, tmp_path, PARAMETERS)
+    place = {int(key): cell for cell, key in enumerate(split.cells["key"])}
+    whole = [cell for cell, key in enumerate(default.cells["key"]) if int(key) not in place]
+    assert 0 < len(whole) < len(default.cells) < len(split.cells)
+    covered = 0
+    for cell, row in enumerate(default.cells):
+        if cell not in whole:
+            covered += 1
+            assert row == split.cells[place[int(row["key"])]]
+            continue
+        children = [place[int(key)] for key in octree.children(int(row["key"])) if int(key) in place]
+        covered += len(children)
+        mean = split.cells["triangles"][children].mean()
+        assert PARAMETERS.triangles_per_cell < row["triangles"] <= mean / 0.9
+    assert covered == len(split.cells)
+
+
+@pytest.mark.parametrize("bound", [{}, {"max_triangles": 1500, "view_box": SMALL}, {"view_box": SMALL}])
+def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
+    parameters = of_cells(geometry, dataclasses.replace(PARAMETERS, **bound))
+    counts = geometry.drawables["triangles"]
+    held: list[list[int]] = []
+
+    def noted(store, ids, cluster_size):
+        held[-1].append(int(counts[ids].sum()))
+        return gather(store, ids, cluster_size)
+
+    gather = jobs.cells._gather
+    monkeypatch.setattr("jobs.cells._gather", noted)
+    pending, foretold = [octree.ROOT], []
+    while pending:
+        root = pending.pop()
+        foretold.append(triangles_needed(geometry, root, parameters))
+        held.append([])
+        pending.extend(compute_subtree(geometry, root, parameters).open_keys)
+    assert len(foretold) > 3
+    for need, parts in zip(foretold, held, strict=True):
+        coarser = max(parts[1:], default=0)  # one at a time, beside what all cells share
+        assert parts[0] + coarser <= need <= 2 * (parts[0] + max(parts)) + 1
+    assert any(len(parts) > 1 for parts in held) == ("max_triangles" in bound)
+
+
+def test_qualities_are_the_names_that_parameters_know():
+    assert tuple(QUALITIES) == QUALITY_NAMES
+    assert QUALITIES["normal"] == EngineSettings()
+    assert BuildParameters().quality == "normal"
+
+
+def test_the_quality_decides_the_engines_settings_and_stands_in_the_manifest(model, default):
+    assert default.manifest.parameters["quality"] == "draft"
+    for quality, settings in QUALITIES.items():
+        assert of_cells(default, dataclasses.replace(PARAMETERS, quality=quality)).engine == settings
+
+
+def test_an_engines_images_take_what_the_plan_sets_aside(geometry):
+    for settings in QUALITIES.values():
+        r = settings.resolution
+        assert settings.image_bytes >= np.empty((6, r, r, settings.layers, 2), np.float32).nbytes

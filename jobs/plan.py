@@ -238,7 +238,7 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
         "triangles_per_cell": parameters.triangles_per_cell,
         "pixel_angle": pixel_angle,
         "pixel_error": parameters.pixel_error,
-        "engine": dataclasses.asdict(EngineSettings()),
+        "engine": dataclasses.asdict(EngineSettings(method=parameters.visibility_engine)),
     }
 
 

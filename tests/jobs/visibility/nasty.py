@@ -195,18 +195,18 @@ def _screens(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) -> 
     Their silhouettes are inflated over many of their own triangles, so that sets must be flooded far to meet them.
     """
     meshes: list[Mesh] = []
-    for _ in range(int(rng.integers(1, 4))):
-        cells = int(rng.choice([4, 10, 24]))
+    for _ in range(int(rng.choice([1, 1, 2, 3]))):
+        cells = int(rng.choice([2, 10, 24]))
         depth = 1 + float(np.exp(rng.uniform(np.log(0.01), np.log(11))))
         axis = int(rng.integers(3))
         steps = np.linspace(-1, 1, cells + 1)
         place = np.zeros((cells + 1, cells + 1, 3))
-        place[:, :, (axis + 1) % 3] = (rng.uniform(-1, 1) + np.exp(rng.uniform(-1.2, 1.4)) * steps[:, None]) * depth
-        place[:, :, (axis + 2) % 3] = (rng.uniform(-1, 1) + np.exp(rng.uniform(-1.2, 1.4)) * steps[None, :]) * depth
+        place[:, :, (axis + 1) % 3] = (rng.uniform(-0.6, 0.6) + np.exp(rng.uniform(-0.7, 1.2)) * steps[:, None]) * depth
+        place[:, :, (axis + 2) % 3] = (rng.uniform(-0.6, 0.6) + np.exp(rng.uniform(-0.7, 1.2)) * steps[None, :]) * depth
         fold = rng.choice([0.0, 0.0, 0.05, 0.3]) * depth * (np.arange(cells + 1) % 2)
         place[:, :, axis] = (depth + fold[:, None]) * rng.choice([-1, 1])
         points = np.rint(centre + half * place.reshape(-1, 3)).astype(np.int32)
-        kept = np.flatnonzero(rng.random(cells * cells) >= rng.choice([0.0, 0.02, 0.2]))
+        kept = np.flatnonzero(rng.random(cells * cells) >= rng.choice([0.0, 0.0, 0.02, 0.2]))
         corner = kept // cells * (cells + 1) + kept % cells
         one = np.stack([corner, corner + 1, corner + cells + 1], axis=1)
         two = np.stack([corner + 1, corner + cells + 2, corner + cells + 1], axis=1)
@@ -222,8 +222,8 @@ def _peeping(
 ) -> tuple[list[Mesh], np.ndarray]:
     """Up to `count` small triangles, each on a line of sight from a point of the cell right past an edge of something.
 
-    Mostly from a corner of the cell, and past an edge of one triangle alone where there is one: things that can hardly
-    be seen from anywhere else. Returns them and the points (n, 3) float32.
+    Mostly from the corner of the cell that sees farthest past it, and past an edge of one triangle alone where there is
+    one: things that can hardly be seen from anywhere else. Returns them and the points (n, 3) float32.
     """
     things: list[Mesh] = []
     eyes: list[np.ndarray] = []
@@ -237,12 +237,16 @@ def _peeping(
         single = which[uses == 1] if (uses == 1).any() and rng.random() < 0.8 else which
         triangle, side = divmod(int(single[rng.integers(len(single))]), 3)
         a, b, c = points[np.roll(triangles[triangle], -side)].astype(np.float64)
-        eye = points_of_cell[rng.integers(8 if rng.random() < 0.7 else 32)]
         along = b - a
         outward = (a - c) - along * ((a - c) @ along) / max(along @ along, 1e-9)
         aside = max(reach * 10 ** rng.uniform(-5, -1), 0.5) / max(np.linalg.norm(outward), 1e-9)
         past = a + rng.random() * along + aside * outward
-        at = np.rint(eye + (past - eye) * (1 + 10 ** rng.uniform(-3, beyond))).astype(np.int64)
+        eye = points_of_cell[rng.integers(32)]
+        if rng.random() < 0.7:  # the corner that sees most of what lies behind the edge's triangle
+            sight = past - points_of_cell[:8]
+            eye = points_of_cell[((sight @ outward) / np.linalg.norm(sight, axis=1)).argmin()]
+        farther = rng.uniform(-3, beyond) if rng.random() < 0.5 else beyond - rng.exponential(0.3)
+        at = np.rint(eye + (past - eye) * (1 + 10**farther)).astype(np.int64)
         extent = np.maximum(np.linalg.norm(at - eye) * 10 ** rng.uniform(-4, -1.5), 3)
         corners = at + np.rint(rng.uniform(-0.5, 0.5, (3, 3)) * extent).astype(np.int64)
         front = np.linalg.det(corners - eye.astype(np.float64))

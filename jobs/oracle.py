@@ -120,14 +120,16 @@ class Oracle:
                     break
         return nearest, distance
 
-    def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int) -> float:
+    def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int, *, alone: bool = True) -> float:
         """Whether a ray meets a triangle before all others, in double precision.
 
         Args:
             origin, direction: (3,) float32, taken as exact.
+            alone: whether it must not meet another drawable at the same place, since of two coincident faces either
+                may be the one that is seen.
 
         Returns:
-            The distance in ray lengths, or nan where another triangle that counts is met first or at the same place.
+            The distance in ray lengths, or nan where another drawable's triangle that counts comes first.
         """
         o, d = origin.astype(np.float64), direction.astype(np.float64)
         t, inside = _intersect(self._triangles[[triangle]].astype(np.float64), o, d, -1e-7)
@@ -145,7 +147,7 @@ class Oracle:
         normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
         counts = ~(self._one_sided[near] & ((normal * d).sum(axis=1) > 0))
         scale = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max())) / max(float(np.abs(d).max()), 1e-300)
-        blocked = (met & counts & (at >= 0) & (at <= t[0] + scale)).any()
+        blocked = (met & counts & (at >= 0) & (at <= t[0] + (scale if alone else -scale))).any()
         return float("nan") if blocked else float(t[0])
 
 

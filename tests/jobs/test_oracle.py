@@ -96,6 +96,15 @@ def test_confirm_refuses_what_lies_behind_another_drawable() -> None:
     assert np.isnan(distances[owner == 1]).all()
 
 
+def test_of_coincident_drawables_none_is_seen_alone_and_both_are_seen() -> None:
+    oracle, owner, _ = oracle_of([(squares(2), False), (squares(2), False), (squares(5), False)])
+    origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)
+    assert all(np.isnan(oracle.confirm(origin, direction, t)) for t in range(6))
+    distances = np.array([oracle.confirm(origin, direction, t, alone=False) for t in range(6)])
+    assert [np.nanmin(distances[owner == d]) for d in (0, 1)] == [1.5, 1.5]
+    assert np.isnan(distances[owner == 2]).all()
+
+
 def test_confirm_looks_through_backs_of_one_sided_drawables() -> None:
     oracle, owner, _ = oracle_of([(squares(2, flipped=True), True), (squares(5), True)])
     origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)

@@ -120,6 +120,14 @@ class _Corners(click.Option):
     type=float,
     help="Largest box of an object of several parts, as a part of the model's.  0: none are joined.",
 )
+@click.option(
+    "--visibility-engine",
+    type=click.Choice(["flooded-occluders", "shrunk-occluders"]),
+    default="flooded-occluders",
+    show_default=True,
+    help="How what is hidden is found. shrunk-occluders: as in the vLOD paper, to compare with: safe too, but slower, "
+    "and cells hold more.",
+)
 @click.option("--units", metavar="UNIT", help="Length unit of the input (mm, m, in ...). Default: what the files say.")
 @click.option("--up", type=click.Choice(["x", "y", "z"]), help="Axis that points up. Default: what the files say.")
 @click.option(

@@ -29,6 +29,28 @@ class Sight:
     distance: float
 
 
+class _Scene:
+    """Some of the triangles, as Embree holds them."""
+
+    def __init__(self, triangles: np.ndarray, chosen: np.ndarray) -> None:
+        self._chosen = chosen
+        self._scene = rtcore_scene.EmbreeScene()
+        if len(chosen):
+            TriangleMesh(self._scene, np.ascontiguousarray(triangles[chosen], np.float32))
+
+    def hit(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The triangles (n,) int64 that rays hit first, -1 for none, and the distances (n,) float64 in ray lengths."""
+        if not len(self._chosen) or not len(origins):
+            return np.full(len(origins), -1, np.int64), np.full(len(origins), np.inf)
+        # copies: Embree is given plain rows
+        hit = self._scene.run(np.array(origins, np.float32), np.array(directions, np.float32), output=True)
+        struck = hit["primID"].astype(np.int64) >= 0
+        return (
+            np.where(struck, self._chosen[np.where(struck, hit["primID"], 0).astype(np.int64)], -1),
+            np.where(struck, hit["tfar"].astype(np.float64), np.inf),
+        )
+
+
 class Oracle:
     """All triangles of one cell's cut, ready for rays."""
 
@@ -43,50 +65,71 @@ class Oracle:
         self._triangles = triangles
         self._owner = owner
         self._one_sided = one_sided
-        self._scene = rtcore_scene.EmbreeScene()
-        if len(triangles):
-            TriangleMesh(self._scene, np.ascontiguousarray(triangles, np.float32))
+        self._scene = _Scene(triangles, np.arange(len(triangles)))
+        self._turned: list[_Scene] | None = None
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
 
         Returns the triangles (n,) int64, -1 where nothing is hit, and the distances (n,) float64 in ray lengths.
+
+        A ray that passes a back starts again a little behind it, and would step over a front in the very same place,
+        such as that of a slab which touches a wall that the ray leaves. So rays that meet a back first are cast again,
+        in scenes of which none holds two one-sided triangles that lie back to back.
         """
-        n = len(origins)
-        found = np.full(n, -1, np.int64)
-        distance = np.full(n, np.inf)
-        if not len(self._triangles):
-            return found, distance
-        waiting = np.arange(n)
-        start = np.array(origins, np.float32)  # a copy: rays that go on start further along
-        gone = np.zeros(n)
-        for _ in range(MOST_PASSES):
-            hit = self._scene.run(start[waiting], np.ascontiguousarray(directions[waiting], np.float32), output=True)
-            triangle = hit["primID"].astype(np.int64)
-            struck = triangle >= 0
-            waiting, triangle = waiting[struck], triangle[struck]
-            along = hit["tfar"][struck].astype(np.float64)
-            corners = self._triangles[triangle].astype(np.float64)
-            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            back = self._one_sided[triangle] & ((normal * directions[waiting]).sum(axis=1) > 0)
-            front = ~back
-            found[waiting[front]] = triangle[front]
-            distance[waiting[front]] = gone[waiting[front]] + along[front]
-            waiting = waiting[back]
-            if not len(waiting):
-                break
-            gone[waiting] += along[back] * (1 + 1e-6)
-            start[waiting] = origins[waiting] + gone[waiting, None] * directions[waiting]
+        found, distance = self._scene.hit(origins, directions)
+        back = self._backs(found, directions)
+        if back.any():
+            found[back], distance[back] = self._cast_through_backs(origins[back], directions[back])
         return found, distance
 
-    def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int) -> float:
+    def _backs(self, triangles: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n,) bool: which hits are on backs that do not count, of triangles (n,), -1 for none."""
+        corners = self._triangles[triangles].astype(np.float64) if len(self._triangles) else np.zeros((0, 3, 3))
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        back: np.ndarray = (triangles >= 0) & self._one_sided[triangles] & ((normal * directions).sum(axis=1) > 0)
+        return back
+
+    def _cast_through_backs(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `cast`, scene by scene."""
+        if self._turned is None:
+            corners = self._triangles.astype(np.float64)
+            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            axis = np.abs(normal).argmax(axis=1)
+            # the six directions into which normals point most: opposite normals never share one; 6: two-sided
+            turn = 2 * axis + (normal[np.arange(len(axis)), axis] < 0)
+            turn[~self._one_sided] = 6
+            self._turned = [_Scene(self._triangles, np.flatnonzero(turn == k)) for k in range(7)]
+        nearest = np.full(len(origins), -1, np.int64)
+        distance = np.full(len(origins), np.inf)
+        for scene in self._turned:
+            waiting = np.arange(len(origins))
+            gone = np.zeros(len(origins))
+            for _ in range(MOST_PASSES):
+                start = (origins[waiting] + gone[waiting, None] * directions[waiting]).astype(np.float32)
+                triangle, along = scene.hit(start, directions[waiting])
+                back = self._backs(triangle, directions[waiting])
+                nearer = (triangle >= 0) & ~back & (gone[waiting] + along < distance[waiting])
+                nearest[waiting[nearer]] = triangle[nearer]
+                distance[waiting[nearer]] = gone[waiting[nearer]] + along[nearer]
+                waiting, along = waiting[back], along[back]
+                gone[waiting] = (gone[waiting] + along) * (1 + 1e-6)
+                ahead = gone[waiting] < distance[waiting]
+                waiting = waiting[ahead]
+                if not len(waiting):
+                    break
+        return nearest, distance
+
+    def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int, *, alone: bool = True) -> float:
         """Whether a ray meets a triangle before all others, in double precision.
 
         Args:
             origin, direction: (3,) float32, taken as exact.
+            alone: whether it must not meet another drawable at the same place, since of two coincident faces either
+                may be the one that is seen.
 
         Returns:
-            The distance in ray lengths, or nan where another triangle that counts is met first or at the same place.
+            The distance in ray lengths, or nan where another drawable's triangle that counts comes first.
         """
         o, d = origin.astype(np.float64), direction.astype(np.float64)
         t, inside = _intersect(self._triangles[[triangle]].astype(np.float64), o, d, -1e-7)
@@ -104,7 +147,7 @@ class Oracle:
         normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
         counts = ~(self._one_sided[near] & ((normal * d).sum(axis=1) > 0))
         scale = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max())) / max(float(np.abs(d).max()), 1e-300)
-        blocked = (met & counts & (at >= 0) & (at <= t[0] + scale)).any()
+        blocked = (met & counts & (at >= 0) & (at <= t[0] + (scale if alone else -scale))).any()
         return float("nan") if blocked else float(t[0])
 
 

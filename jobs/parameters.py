@@ -11,6 +11,7 @@ import numpy as np
 
 from jobs.detail.options import DetailOptions
 from jobs.objects.options import Clustering, Limits, ObjectOptions
+from jobs.visibility.methods import METHODS
 from storage.errors import ParameterError
 from storage.octree import MAX_DEPTH, Octree
 
@@ -56,6 +57,7 @@ class BuildParameters:
     cluster_distance: float = 0.1  # D: parts nearer than this part of the model's extent may become one object
     cluster_cardinality: float = 1500.0  # K: about how many parts one object is made of at most
     cluster_volume: float = 1e-5  # V: largest box of an object of several parts, as a part of the model's
+    visibility_engine: str = METHODS[0]  # how what is hidden is found: one of METHODS
     units: str | None = None  # length unit of the input files; None: what they say
     up: str | None = None  # x, y or z; None: what they say
 
@@ -80,6 +82,10 @@ class BuildParameters:
                 raise ParameterError(f"the {name} must be positive, not {value}")
         self.detail()
         self.objects()
+        if self.visibility_engine not in METHODS:
+            raise ParameterError(
+                f"the visibility engine must be {' or '.join(METHODS)}, not {self.visibility_engine!r}"
+            )
         if self.up not in (None, "x", "y", "z"):
             raise ParameterError(f"up must be x, y or z, not {self.up!r}")
 

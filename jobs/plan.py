@@ -226,10 +226,18 @@ def tables_task(imported: TaskResult, hierarchy: TaskResult, detail: Sequence[Ta
     return Task(stages.TABLES, payload, places, PROCESS + TABLES_PER_NODE * int(hierarchy.record["counts"]["nodes"]))
 
 
-def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: float) -> dict[str, Any]:
-    """What decides the cells, as JSON: see `jobs.stages.cells`."""
+def engine_settings(parameters: BuildParameters) -> dict[str, Any]:
+    """How what can be seen is found, as JSON: see `jobs.visibility.engine`."""
     from jobs.visibility.engine import QUALITIES
 
+    settings = QUALITIES[parameters.quality]
+    return dataclasses.asdict(
+        dataclasses.replace(settings, method=parameters.visibility_engine, sampled=parameters.sampled)
+    )
+
+
+def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: float) -> dict[str, Any]:
+    """What decides the cells, as JSON: see `jobs.stages.cells`."""
     return {
         "octree_lo": list(space.octree.lo),
         "octree_size": space.octree.size,
@@ -240,7 +248,7 @@ def cell_parameters(parameters: BuildParameters, space: ViewSpace, pixel_angle: 
         "max_triangles": parameters.max_triangles,
         "pixel_angle": pixel_angle,
         "pixel_error": parameters.pixel_error,
-        "engine": dataclasses.asdict(dataclasses.replace(QUALITIES[parameters.quality], sampled=parameters.sampled)),
+        "engine": engine_settings(parameters),
     }
 
 

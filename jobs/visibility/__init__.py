@@ -8,4 +8,8 @@ sets), `occluders` (occluder sets drawn into layers), `occludees` (which cluster
 `ray_tree` (what rays meet), `aimed_rays` (what is proven visible, and sampling alone), `engine` (one cell, from a cut
 to its visible ids and certificate). Only `engine` and `soup` are called from outside; the others are kernels: pure
 functions from arrays to arrays.
+
+Beside them, to compare with, the vLOD paper's own method: `planar_polygons` (occluders), `projection_point` (where they
+are drawn from, with the proof), `shrunk_depths` (drawing and testing), `shrunk_occluders` (one cell). `methods` names
+both.
 """

@@ -12,6 +12,8 @@ import numpy as np
 from jobs.visibility import aimed_rays, back_faces, item_buffer, occludees, occluders, ray_tree
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
+from jobs.visibility.methods import METHODS
+from jobs.visibility.shrunk_occluders import ShrunkOccluders
 from jobs.visibility.soup import Soup
 
 #: The corners of the cell, those of a tetrahedron first.
@@ -35,6 +37,7 @@ FARTHEST = 8.0
 class EngineSettings:
     """How hard the engine tries; every setting but `sampled` is safe, they only trade time for tightness."""
 
+    method: str = METHODS[0]  # one of jobs.visibility.methods
     resolution: int = 256  # pixels along the edge of a cube face
     layers: int = 4  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
@@ -101,6 +104,7 @@ class Engine:
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
+        self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene = ray_tree.Scene(
             *ray_tree.build_tree(soup.cluster_lo, soup.cluster_hi), soup.vertices, soup.triangles, soup.cluster_start,
@@ -166,6 +170,38 @@ class Engine:
         usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
         cluster_lo = (soup.cluster_lo - centre) / half
         cluster_hi = (soup.cluster_hi - centre) / half
+        if self._shrunk is not None:
+            seen = self._shrunk.find_visible(self._q, side, usable, places, cluster_lo, cluster_hi)
+        else:
+            seen = self._find_visible(places, active, usable, cluster_lo, cluster_hi, centre, half, most_triangles)
+        visible = places[seen]
+        if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
+            return None
+        proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
+        return CellVisibility(soup.drawables[visible], soup.drawables[proven])
+
+    def _find_visible(
+        self,
+        places: np.ndarray,
+        active: np.ndarray,
+        usable: np.ndarray,
+        cluster_lo: np.ndarray,
+        cluster_hi: np.ndarray,
+        centre: np.ndarray,
+        half: np.ndarray,
+        most_triangles: int | None,
+    ) -> np.ndarray:
+        """Which drawables flooded occluder sets do not hide.
+
+        Args:
+            places: (d,) drawables, as positions in the soup; active: (all,) bool the same.
+            usable: (m,) bool triangles that may occlude.
+            cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates; centre, half: (3,) the cell in grid units.
+
+        Returns:
+            (d,) bool.
+        """
+        soup, side = self.soup, self._side
         drawable_lo = (soup.drawable_lo - centre) / half
         drawable_hi = (soup.drawable_hi - centre) / half
 
@@ -182,16 +218,12 @@ class Engine:
             mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
             self.settings.largest_flooded_set, self.settings.smallest_window, self._layers,
         )  # fmt: skip
-        seen = occludees.find_visible(
+        seen: np.ndarray = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
             cluster_lo, cluster_hi, drawable_lo, drawable_hi, self._layers,
             soup.triangle_counts, -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
-        visible = places[seen]
-        if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
-            return None
-        proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
-        return CellVisibility(soup.drawables[visible], soup.drawables[proven])
+        return seen
 
     def _glimpse(self, places: np.ndarray, most_triangles: int | None = None) -> _Glimpses:
         """What item buffers show from the cell's corners.

@@ -1,6 +1,6 @@
 """Searches for a drawable that the visibility engine misses, in scenes made to be nasty, until the time is up.
 
-    python tests/benchmarks/attack_visibility.py [--seconds 3600] [--seed 0] [--rays 3000]
+    python tests/benchmarks/attack_visibility.py [--seconds 3600] [--seed 0] [--rays 3000] [--method METHOD]
 
 Prints the number of each scene in which rays in double precision see what is not reported, and ends with 1 then:
 `nasty_scene(numpy.random.default_rng([SEED, NUMBER]))` makes it again.
@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 
+from jobs.visibility.methods import METHODS
 from tests.jobs.visibility.nasty import misses, nasty_scene
 
 
@@ -22,10 +24,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3600)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rays", type=int, default=3000)
+    parser.add_argument("--method", choices=METHODS, default=METHODS[0])
     arguments = parser.parse_args()
     began, told, number, failed = time.monotonic(), 0.0, 0, 0
     while (passed := time.monotonic() - began) < arguments.seconds:
         attack = nasty_scene(np.random.default_rng([arguments.seed, number]))
+        attack = attack._replace(settings=replace(attack.settings, method=arguments.method))
         missed = misses(attack, arguments.rays, number)
         if missed:
             failed += 1

@@ -122,8 +122,8 @@ class Case:
             rng = np.random.default_rng([number, len(known.get(name, ()))])  # other rays in each run, the same for all
             looked = examine(self.oracle, self.owner, self.triangles, lo, hi, found.visible, rays, rng)
             missed += len(looked.missed)
-            # Rays that pass the backs of one-sided drawables may skip a front in the very same place, so what they hit
-            # counts as seen only as long as it is reported; what is not must be confirmed in double precision.
+            # What was kept of earlier runs counts only as long as it is reported: single precision now and then lets a
+            # ray slip between triangles, and only hits on what is not reported are confirmed in double precision.
             before = np.intersect1d(known.get(name, np.zeros(0, np.int64)), found.visible)
             known[name] = np.union1d(np.union1d(before, looked.seen), found.proven)
             reported.append(found.visible)

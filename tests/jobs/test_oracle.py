@@ -63,6 +63,24 @@ def test_rays_are_left_as_they_were() -> None:
     np.testing.assert_array_equal(directions, before[1])
 
 
+def test_rays_that_leave_a_solid_meet_the_front_that_touches_it() -> None:
+    # backs of a box around the cell at x = 2, in the very same plane the front of a slab, something behind both
+    touching = squares(2)
+    apart = touching[:, ::-1, :] * np.float32([1, 0.9, 1.1])  # other triangles in the same plane
+    assert np.cross(apart[0, 1] - apart[0, 0], apart[0, 2] - apart[0, 0])[0] > 0
+    for slab in (touching, apart[:, ::-1, :]):
+        for two_sided in (False, True):
+            box = (squares(2, flipped=True), True)
+            behind = (squares(2 + 1e-4, half=3.0), False)
+            oracle, owner, triangles = oracle_of([box, (slab, not two_sided), behind])
+            origins, directions = rays(4000, seed=3)
+            found, distance = oracle.cast(origins, directions)
+            assert (owner[found] == 1).all()
+            np.testing.assert_allclose(origins[:, 0] + distance, 2, atol=1e-5)
+            seen = examine(oracle, owner, triangles, LO, HI, np.arange(3), 2000, np.random.default_rng(1)).seen
+            assert seen.tolist() == [1]
+
+
 def test_rays_that_hit_nothing_say_so() -> None:
     oracle, _, _ = oracle_of([(squares(-3), False)])
     found, distance = oracle.cast(*rays(20))
@@ -76,6 +94,15 @@ def test_confirm_refuses_what_lies_behind_another_drawable() -> None:
     distances = np.array([oracle.confirm(origin, direction, t) for t in range(4)])
     assert np.nanmin(distances[owner == 0]) == 1.5
     assert np.isnan(distances[owner == 1]).all()
+
+
+def test_of_coincident_drawables_none_is_seen_alone_and_both_are_seen() -> None:
+    oracle, owner, _ = oracle_of([(squares(2), False), (squares(2), False), (squares(5), False)])
+    origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)
+    assert all(np.isnan(oracle.confirm(origin, direction, t)) for t in range(6))
+    distances = np.array([oracle.confirm(origin, direction, t, alone=False) for t in range(6)])
+    assert [np.nanmin(distances[owner == d]) for d in (0, 1)] == [1.5, 1.5]
+    assert np.isnan(distances[owner == 2]).all()
 
 
 def test_confirm_looks_through_backs_of_one_sided_drawables() -> None:

@@ -13,6 +13,7 @@ from jobs.errors import MemoryLimitError, WorkInUseError
 from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
+from jobs.verify import verify
 from jobs.workplace import Workplace
 from storage import open_store
 from storage.errors import ModelError, ParameterError, StoreFormatError, StoreNotFoundError
@@ -167,6 +168,20 @@ def test_other_parameters_repeat_only_what_depends_on_them(model, tmp_path):
     assert all(len(old.vlod(cell)) == old.cells["drawables"][cell] for cell in range(len(old.cells)))
 
 
+def test_another_visibility_engine_is_written_down_and_works_out_the_cells_anew(model, tmp_path):
+    store = tmp_path / "store"
+    parameters = dataclasses.replace(PARAMETERS, max_depth=2)
+    build([model], store, parameters, SerialExecutor())
+    shrunk = dataclasses.replace(parameters, visibility_engine="shrunk-occluders")
+    report = build([model], store, shrunk, SerialExecutor())
+    run = {stage.name: stage.run for stage in report.stages}
+    assert run["cells"] > 0
+    assert not run["tables"]
+    engines = [open_store(store, version=k).manifest.parameters["visibility_engine"] for k in (1, 2)]
+    assert engines == ["flooded-occluders", "shrunk-occluders"]
+    assert verify(str(store), samples=2000).problems == []
+
+
 def test_a_region_computes_only_cells_that_touch_it(model, built, tmp_path):
     region = (0.5, 0.5, 0.5, 3.0, 3.0, 1.5)
     view = tuple(open_store(built[0]).manifest.model["lo"] + open_store(built[0]).manifest.model["hi"])
@@ -223,6 +238,7 @@ def test_an_edited_model_is_built_anew(tmp_path):
         {"cell_size": 0.0},
         {"pixel_error": -1.0},
         {"up": "w"},
+        {"visibility_engine": "magic"},
     ],
 )
 def test_parameters_out_of_range(wrong):

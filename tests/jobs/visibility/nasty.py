@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.oracle import Oracle, Sight, examine
+from jobs.oracle import Oracle, Sight, examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 
 from .scenes import Mesh, box, rooms, sheet, soup_of
@@ -15,6 +15,8 @@ from .scenes import Mesh, box, rooms, sheet, soup_of
 SHAPES = ((0.02, 0.02, 0.02), (0.2, 0.02, 0.002), (0.003, 0.003, 0.3), (0.1, 0.1, 0.1), (0.001, 0.001, 0.001))
 #: The largest coordinate of the grid.
 LARGEST = 1 << 23
+#: Rays at each thing that peeps past an edge.
+AIMED = 8
 
 
 class Attack(NamedTuple):
@@ -26,28 +28,26 @@ class Attack(NamedTuple):
     one_sided: bool
     cluster_size: int
     settings: EngineSettings
+    first_peeping: int  # the meshes from here on may be seen past an edge from a point of the cell
+    eyes: np.ndarray  # (n, 3) float32 these points
 
 
 def nasty_scene(rng: np.random.Generator) -> Attack:
     """A scene of one of several kinds, anywhere on the grid, with a cell whose faces often touch or cut something."""
-    size = int(rng.choice([40, 300, 3000, 100_000]))
-    kind = rng.choice(["pile", "pile", "planks", "rooms", "voxels", "shutters"])
-    if kind == "rooms":
-        size = 3 * 4000
-        meshes = rooms(rng, 3)
-    elif kind == "planks":
-        meshes = _planks(rng, size)
-    elif kind == "voxels":
-        meshes = _voxels(rng, size)
-    elif kind == "shutters":
-        meshes = _shutters(rng, size)
-    else:
-        meshes = _pile(rng, size)
+    kind = rng.choice(["pile", "pile", "planks", "rooms", "voxels", "shutters", "screens", "screens"])
+    size = 12_000 if kind == "rooms" else int(rng.choice([40, 300, 3000, 100_000]))
     low, high = (-size, size) if kind != "rooms" else (200, size - 200)
     centre = rng.integers(low, high, 3, endpoint=True).astype(np.float64) * rng.choice([0.2, 0.7])
     half = np.maximum(np.array(SHAPES[rng.integers(len(SHAPES))])[rng.permutation(3)] * size, 0.5)
+    if kind == "screens":
+        half = np.maximum(half, 50)
+        meshes = _screens(rng, centre, half)
+    elif kind == "rooms":
+        meshes = rooms(rng, 3)
+    else:
+        meshes = {"pile": _pile, "planks": _planks, "voxels": _voxels, "shutters": _shutters}[str(kind)](rng, size)
     lo, hi = centre - half, centre + half
-    if rng.random() < 0.5:  # a face of the cell in the plane of some vertex
+    if rng.random() < (0.1 if kind == "screens" else 0.5):  # a face of the cell in the plane of some vertex
         points = meshes[rng.integers(len(meshes))][0]
         axis, place = rng.integers(3), float(points[rng.integers(len(points))][rng.integers(3)])
         width = hi[axis] - lo[axis]
@@ -57,11 +57,15 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         shift = rng.integers(-(LARGEST - reach), LARGEST - reach, 3).astype(np.int32)
         meshes = [((points + shift).astype(np.int32), triangles) for points, triangles in meshes]
         lo, hi = lo + shift, hi + shift
+    peeping, eyes = _peeping(rng, meshes, lo, hi, 100 if kind == "screens" else int(rng.choice([0, 0, 10])))
     settings = EngineSettings(
-        resolution=int(rng.choice([16, 64, 64, 256])), proof_resolution=32, smallest_window=int(rng.choice([1, 16])),
-        largest_flooded_set=int(rng.choice([4, 64, 2048])), layers=int(rng.choice([1, 2, 4])),
+        resolution=int(rng.choice([16, 128, 256, 256, 256, 512] if kind == "screens" else [16, 64, 64, 256])),
+        proof_resolution=32, smallest_window=int(rng.choice([1, 16])), layers=int(rng.choice([1, 2, 4])),
+        largest_flooded_set=int(rng.choice([4, 64, 2048])),
     )  # fmt: skip
-    return Attack(meshes, lo, hi, bool(rng.random() < 0.4), int(rng.choice([1, 3, 32])), settings)
+    return Attack(
+        meshes + peeping, lo, hi, bool(rng.random() < 0.4), int(rng.choice([1, 3, 32])), settings, len(meshes), eyes
+    )
 
 
 def misses(attack: Attack, rays: int, seed: int) -> list[Sight]:
@@ -74,7 +78,36 @@ def misses(attack: Attack, rays: int, seed: int) -> list[Sight]:
     owner = soup.triangle_drawable.astype(np.int64)
     oracle = Oracle(corners, owner, soup.one_sided[owner])
     rng = np.random.default_rng(seed)
-    return examine(oracle, owner, corners, attack.lo, attack.hi, found.visible, rays, rng).missed
+    missed = examine(oracle, owner, corners, attack.lo, attack.hi, found.visible, rays, rng).missed
+    return missed + _aimed(oracle, owner, corners, attack, found.visible, rng)
+
+
+def _aimed(
+    oracle: Oracle,
+    owner: np.ndarray,
+    corners: np.ndarray,
+    attack: Attack,
+    visible: np.ndarray,
+    rng: np.random.Generator,
+) -> list[Sight]:
+    """What is not reported of the things that may peep past an edge, looked for from where they should be seen."""
+    missed: list[Sight] = []
+    for eye, drawable in zip(attack.eyes, range(attack.first_peeping, len(attack.meshes)), strict=True):
+        mine = np.flatnonzero(owner == drawable)
+        if drawable in visible or not len(mine):
+            continue
+        weights = rng.dirichlet((1.0, 1.0, 1.0), AIMED)
+        targets = (corners[rng.choice(mine, AIMED)].astype(np.float64) * weights[:, :, None]).sum(axis=1)
+        origins = np.repeat(eye[None], AIMED, axis=0)
+        directions = (targets - origins).astype(np.float32)
+        hits, _ = oracle.cast(origins, directions)
+        for origin, direction, hit in zip(origins, directions, hits.tolist(), strict=True):
+            if hit >= 0 and owner[hit] not in visible:
+                distance = oracle.confirm(origin, direction, hit)
+                if not np.isnan(distance):
+                    missed.append(Sight(int(owner[hit]), tuple(origin.tolist()), tuple(direction.tolist()), distance))
+                    break
+    return missed
 
 
 def _pile(rng: np.random.Generator, size: int) -> list[Mesh]:
@@ -154,3 +187,70 @@ def _shutters(rng: np.random.Generator, size: int) -> list[Mesh]:
         thing[axis] = depth + np.sign(depth) * rng.integers(1, size // 10 + 2)
         meshes.append(box(tuple(thing), tuple(thing + rng.integers(1, size // 10 + 2, 3))))
     return meshes
+
+
+def _screens(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) -> list[Mesh]:
+    """Large sheets of many triangles near the cell, flat or folded, with holes, each cut into several drawables.
+
+    Their silhouettes are inflated over many of their own triangles, so that sets must be flooded far to meet them.
+    """
+    meshes: list[Mesh] = []
+    for _ in range(int(rng.choice([1, 1, 2, 3]))):
+        cells = int(rng.choice([2, 10, 24]))
+        depth = 1 + float(np.exp(rng.uniform(np.log(0.01), np.log(11))))
+        axis = int(rng.integers(3))
+        steps = np.linspace(-1, 1, cells + 1)
+        place = np.zeros((cells + 1, cells + 1, 3))
+        place[:, :, (axis + 1) % 3] = (rng.uniform(-0.6, 0.6) + np.exp(rng.uniform(-0.7, 1.2)) * steps[:, None]) * depth
+        place[:, :, (axis + 2) % 3] = (rng.uniform(-0.6, 0.6) + np.exp(rng.uniform(-0.7, 1.2)) * steps[None, :]) * depth
+        fold = rng.choice([0.0, 0.0, 0.05, 0.3]) * depth * (np.arange(cells + 1) % 2)
+        place[:, :, axis] = (depth + fold[:, None]) * rng.choice([-1, 1])
+        points = np.rint(centre + half * place.reshape(-1, 3)).astype(np.int32)
+        kept = np.flatnonzero(rng.random(cells * cells) >= rng.choice([0.0, 0.0, 0.02, 0.2]))
+        corner = kept // cells * (cells + 1) + kept % cells
+        one = np.stack([corner, corner + 1, corner + cells + 1], axis=1)
+        two = np.stack([corner + 1, corner + cells + 2, corner + cells + 1], axis=1)
+        pieces = kept * int(rng.integers(1, 4)) // (cells * cells)
+        for piece in np.unique(pieces):
+            triangles = np.concatenate([one[pieces == piece], two[pieces == piece]])
+            meshes.append((points, triangles[:, ::-1] if rng.random() < 0.5 else triangles))
+    return meshes
+
+
+def _peeping(
+    rng: np.random.Generator, meshes: list[Mesh], lo: np.ndarray, hi: np.ndarray, count: int
+) -> tuple[list[Mesh], np.ndarray]:
+    """Up to `count` small triangles, each on a line of sight from a point of the cell right past an edge of something.
+
+    Mostly from the corner of the cell that sees farthest past it, and past an edge of one triangle alone where there is
+    one: things that can hardly be seen from anywhere else. Returns them and the points (n, 3) float32.
+    """
+    things: list[Mesh] = []
+    eyes: list[np.ndarray] = []
+    points_of_cell = surface_points(lo, hi, 32, rng)
+    reach = float(np.linalg.norm(hi - lo))
+    beyond = rng.choice([-1.0, 0.0, 1.5])  # things far behind all the rest inflate edges by the whole cell
+    for _ in range(count):
+        points, triangles = meshes[rng.integers(len(meshes))]
+        ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        _, which, uses = np.unique(ends, axis=0, return_index=True, return_counts=True)
+        single = which[uses == 1] if (uses == 1).any() and rng.random() < 0.8 else which
+        triangle, side = divmod(int(single[rng.integers(len(single))]), 3)
+        a, b, c = points[np.roll(triangles[triangle], -side)].astype(np.float64)
+        along = b - a
+        outward = (a - c) - along * ((a - c) @ along) / max(along @ along, 1e-9)
+        aside = max(reach * 10 ** rng.uniform(-5, -1), 0.5) / max(np.linalg.norm(outward), 1e-9)
+        past = a + rng.random() * along + aside * outward
+        eye = points_of_cell[rng.integers(32)]
+        if rng.random() < 0.7:  # the corner that sees most of what lies behind the edge's triangle
+            sight = past - points_of_cell[:8]
+            eye = points_of_cell[((sight @ outward) / np.linalg.norm(sight, axis=1)).argmin()]
+        farther = rng.uniform(-3, beyond) if rng.random() < 0.5 else beyond - rng.exponential(0.3)
+        at = np.rint(eye + (past - eye) * (1 + 10**farther)).astype(np.int64)
+        extent = np.maximum(np.linalg.norm(at - eye) * 10 ** rng.uniform(-4, -1.5), 3)
+        corners = at + np.rint(rng.uniform(-0.5, 0.5, (3, 3)) * extent).astype(np.int64)
+        front = np.linalg.det(corners - eye.astype(np.float64))
+        if (np.abs(corners) < LARGEST).all() and front != 0:
+            things.append((corners.astype(np.int32), np.array([[0, 1, 2] if front < 0 else [0, 2, 1]])))
+            eyes.append(eye)
+    return things, np.array(eyes, np.float32).reshape(-1, 3)

@@ -32,6 +32,8 @@ NEAR = 1.25
 CLIP = 0.5
 #: Image coordinates are rounded outward by this many pixels: far above float64's error, far below a pixel.
 SLACK = 1e-6
+#: Places along an edge or a sweep, from 0 to 1, are rounded outward by this much.
+ALONG = 1e-12
 #: Stands for "beyond the image" in pixels.
 BEYOND = 1e12
 
@@ -211,6 +213,25 @@ def box_image(u: float, v: float, z: float, alpha: float, half: float) -> tuple[
     return u0 * half + half - SLACK, u1 * half + half + SLACK, v0 * half + half - SLACK, v1 * half + half + SLACK
 
 
+@kernel(inline="always")
+def nearer_first(q: np.ndarray, i0: int, i1: int, face: int) -> tuple[float, float, float, float, float, float]:
+    """(u, v, z) of the two ends of an edge on a face, the nearer one first."""
+    ua, va, za = to_face(q, i0, face)
+    ub, vb, zb = to_face(q, i1, face)
+    if za > zb:
+        ua, va, za, ub, vb, zb = ub, vb, zb, ua, va, za
+    return ua, va, za, ub, vb, zb
+
+
+@kernel(inline="always")
+def at_depth(
+    ua: float, va: float, za: float, ub: float, vb: float, zb: float, depth: float
+) -> tuple[float, float, float]:
+    """The point (u, v, depth) of an edge that reaches from below this depth to above it."""
+    t = (depth - za) / (zb - za)
+    return ua + t * (ub - ua), va + t * (vb - va), depth
+
+
 @kernel()
 def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, depth: float, sweep: np.ndarray) -> int:
     """Where occludees of at most `depth` may be seen past an edge, as two swept rectangles in pixel coordinates.
@@ -224,28 +245,22 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
     Returns:
         The number of sweeps written: 0, 1 or 2. See the module's docstring for the proof.
     """
-    ua, va, za = to_face(q, i0, face)
-    ub, vb, zb = to_face(q, i1, face)
-    if za > zb:
-        ua, va, za, ub, vb, zb = ub, vb, zb, ua, va, za
+    ua, va, za, ub, vb, zb = nearer_first(q, i0, i1, face)
     if zb <= -1.0 or za >= depth:
         return 0
     half = 0.5 * resolution
     if zb > depth:
-        t = (depth - za) / (zb - za)
-        ub, vb, zb = ua + t * (ub - ua), va + t * (vb - va), depth
+        ub, vb, zb = at_depth(ua, va, za, ub, vb, zb, depth)
     n = 0
     if za < NEAR:
         # the near part: one box, inflated by the whole cell
         if zb > NEAR:
-            t = (NEAR - za) / (zb - za)
-            um, vm, zm = ua + t * (ub - ua), va + t * (vb - va), NEAR
+            um, vm, zm = at_depth(ua, va, za, ub, vb, zb, NEAR)
         else:
             um, vm, zm = ub, vb, zb
         us, vs, zs = ua, va, za
         if zs < -1.0:
-            t = (-1.0 - zs) / (zm - zs)
-            us, vs, zs = us + t * (um - us), vs + t * (vm - vs), -1.0
+            us, vs, zs = at_depth(us, vs, zs, um, vm, zm, -1.0)
         z0, z1 = zs - 1.0, zm + 1.0
         lo, hi = min(us, um) - 1.0, max(us, um) + 1.0
         u0 = lo / z1 if lo >= 0 else (lo / z0 if z0 > 0 else -BEYOND)
@@ -278,27 +293,30 @@ def inflate_edge(q: np.ndarray, i0: int, i1: int, face: int, resolution: int, de
 @kernel()
 def far_part(q: np.ndarray, i0: int, i1: int, face: int) -> tuple[bool, float, float, float, float, float, float]:
     """The part of an edge beyond NEAR: whether there is any, and (u, v, z) of its two ends, the nearer one first."""
-    ua, va, za = to_face(q, i0, face)
-    ub, vb, zb = to_face(q, i1, face)
-    if za > zb:
-        ua, va, za, ub, vb, zb = ub, vb, zb, ua, va, za
+    ua, va, za, ub, vb, zb = nearer_first(q, i0, i1, face)
     if za < NEAR < zb:
-        t = (NEAR - za) / (zb - za)
-        ua, va, za = ua + t * (ub - ua), va + t * (vb - va), NEAR
+        ua, va, za = at_depth(ua, va, za, ub, vb, zb, NEAR)
     return zb > NEAR or za >= NEAR, ua, va, za, ub, vb, zb
 
 
 @kernel(inline="always")
-def _narrow(t0: float, t1: float, a: float, b: float) -> tuple[float, float]:
-    """The part of [t0, t1] where a + t (b - a) <= 0."""
+def below(t0: float, t1: float, a: float, b: float, bound: float) -> tuple[float, float]:
+    """The part of [t0, t1] where a + t (b - a) <= bound, rounded outward; empty where t0 is above t1."""
     slope = b - a
-    if slope > 0:
-        t1 = min(t1, -a / slope)
-    elif slope < 0:
-        t0 = max(t0, -a / slope)
-    elif a > 0:
+    if slope > 0.0:
+        t1 = min(t1, (bound - a) / slope + ALONG)
+    elif slope < 0.0:
+        t0 = max(t0, (bound - a) / slope - ALONG)
+    elif a > bound:
         t1 = t0 - 1.0
     return t0, t1
+
+
+@kernel(inline="always")
+def _strip_range(rows: np.ndarray, a: int, b: int, v0: float, v1: float) -> tuple[float, float]:
+    """The range of t in [0, 1] in which the rectangle swept from rows[a] to rows[b] meets v0 <= v <= v1."""
+    t0, t1 = below(0.0, 1.0, rows[a, 2] - v1, rows[b, 2] - v1, 0.0)
+    return below(t0, t1, v0 - rows[a, 3], v0 - rows[b, 3], 0.0)
 
 
 @kernel()
@@ -309,10 +327,9 @@ def sweep_range(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: floa
     hull of the two: a point of the hull is (1 - t) p + t q with p in the one, q in the other, and lies in the rectangle
     at t. Empty where the first result is above the second.
     """
-    t0, t1 = _narrow(0.0, 1.0, rows[a, 0] - u1, rows[b, 0] - u1)
-    t0, t1 = _narrow(t0, t1, u0 - rows[a, 1], u0 - rows[b, 1])
-    t0, t1 = _narrow(t0, t1, rows[a, 2] - v1, rows[b, 2] - v1)
-    return _narrow(t0, t1, v0 - rows[a, 3], v0 - rows[b, 3])
+    t0, t1 = _strip_range(rows, a, b, v0, v1)
+    t0, t1 = below(t0, t1, rows[a, 0] - u1, rows[b, 0] - u1, 0.0)
+    return below(t0, t1, u0 - rows[a, 1], u0 - rows[b, 1], 0.0)
 
 
 @kernel()
@@ -340,9 +357,7 @@ def sweep_extent(rows: np.ndarray, a: int, b: int, j: int) -> tuple[float, float
     """
     if max(rows[a, 3], rows[b, 3]) < j or min(rows[a, 2], rows[b, 2]) > j + 1.0:
         return 1.0, 0.0
-    t0, t1 = _narrow(0.0, 1.0, rows[a, 2] - (j + 1.0), rows[b, 2] - (j + 1.0))
-    t0, t1 = _narrow(t0, t1, j - rows[a, 3], j - rows[b, 3])
-    t0, t1 = max(t0 - 1e-12, 0.0), min(t1 + 1e-12, 1.0)
+    t0, t1 = _strip_range(rows, a, b, j, j + 1.0)
     if t0 > t1:
         return 1.0, 0.0
     du0, du1 = rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1]

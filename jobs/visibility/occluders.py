@@ -158,11 +158,9 @@ def cover(
                 if not _open_pixels(layers, face, i0, i1, j0, j1, near, deepest, limit):
                     continue
                 for k in range(n_core):
-                    t = core[k]
                     _draw_triangle(
-                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, True, farthest, deepest, limit,
-                    )  # fmt: skip
+                        q, triangles, core[k], face, (i0, i1, j0, j1), polygon, True, farthest, deepest, limit
+                    )
                 i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
                 if i0 > i1:
                     continue
@@ -176,11 +174,9 @@ def cover(
                 if n_unsafe < 0:
                     continue
                 for k in range(n_drawn):
-                    t = drawn[k]
                     _draw_triangle(
-                        q, triangles[t, 0], triangles[t, 1], triangles[t, 2], face, resolution,
-                        i0, i1, j0, j1, polygon, False, farthest, deepest, limit,
-                    )  # fmt: skip
+                        q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
+                    )
                 if not lower_limits(
                     q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, deepest, limit
                 ):
@@ -235,26 +231,24 @@ def _covered_window(i0: int, i1: int, j0: int, j1: int, limit: np.ndarray) -> tu
 @kernel()
 def _draw_triangle(
     q: np.ndarray,
-    a: int,
-    b: int,
-    c: int,
+    triangles: np.ndarray,
+    t: int,
     face: int,
-    resolution: int,
-    i0: int,
-    i1: int,
-    j0: int,
-    j1: int,
+    window: tuple[int, int, int, int],
     polygon: np.ndarray,
     core: bool,
     farthest: float,
     deepest: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Raise `deepest` to a triangle's depth in the pixels that it touches.
+    """Raise `deepest` to triangle t's depth in the pixels of a window (i0, i1, j0, j1) that it touches.
 
     Of a core's triangles in all pixels whose limit is not negative, and it becomes `farthest` where they cover the
     centre. Of others in pixels with a positive limit.
     """
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    i0, i1, j0, j1 = window
+    resolution = limit.shape[0]
     n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
     if n == 0:
         return

@@ -20,15 +20,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.cube_faces import SLACK, far_part, inflate_edge, sweep_extent
+from jobs.visibility.cube_faces import SLACK, at_depth, below, far_part, inflate_edge, sweep_extent
 from storage.kernels import kernel
 
 #: What a pixel hides is of no use where its limit is not at least this many times its depth.
 USEFUL = 1.02
 #: Limits are rounded down by this factor; rounding in the image is covered by cube_faces.SLACK.
 DOWN = 1.0 - 1e-9
-#: Places along an edge are rounded outward by this much.
-_ALONG = 1e-12
 
 
 @kernel()
@@ -106,8 +104,7 @@ def _lower(
     half = 0.5 * resolution
     nearest = za
     if zb > farthest:  # as the sweep
-        t = (farthest - za) / (zb - za)
-        ub, vb, zb = ua + t * (ub - ua), va + t * (vb - va), farthest
+        ub, vb, zb = at_depth(ua, va, za, ub, vb, zb, farthest)
     for k in range(n):
         all_depths = k == 0 and (n == 2 or not far)
         row0 = max(int(np.floor(max(min(sweep[2 * k, 2], sweep[2 * k + 1, 2]), 0.0))), j0)
@@ -162,19 +159,6 @@ def _depth_at(
     return (z - alpha) / (1.0 - alpha) * DOWN if alpha < 1.0 else np.inf
 
 
-@kernel(inline="always")
-def _below_one(t0: float, t1: float, a0: float, a1: float) -> tuple[float, float]:
-    """The part of [t0, t1] where a0 + t (a1 - a0) <= 1."""
-    slope = a1 - a0
-    if slope > 0.0:
-        t1 = min(t1, (1.0 - a0) / slope + _ALONG)
-    elif slope < 0.0:
-        t0 = max(t0, (1.0 - a0) / slope - _ALONG)
-    elif a0 > 1.0:
-        t1 = t0 - 1.0
-    return t0, t1
-
-
 @kernel()
 def least_depth(
     a0: float, a1: float, b0: float, b1: float, c0: float, c1: float, d0: float, d1: float,
@@ -185,10 +169,10 @@ def least_depth(
     a, b, c, d: the four functions of the module's docstring at both ends (a and b for v, c and d for u); z: the depths.
     Where the result is `enough` or more, anything so large may be returned.
     """
-    t0, t1 = _below_one(0.0, 1.0, a0, a1)
-    t0, t1 = _below_one(t0, t1, b0, b1)
-    t0, t1 = _below_one(t0, t1, c0, c1)
-    t0, t1 = _below_one(t0, t1, d0, d1)
+    t0, t1 = below(0.0, 1.0, a0, a1, 1.0)
+    t0, t1 = below(t0, t1, b0, b1, 1.0)
+    t0, t1 = below(t0, t1, c0, c1, 1.0)
+    t0, t1 = below(t0, t1, d0, d1, 1.0)
     if t0 > t1:
         return np.inf
     # no point has less than the least of each function: is that enough already?

@@ -22,6 +22,7 @@ from storage.store import Geometry
 class Coarsened:
     """A cell at an allowed error at which it reports few enough triangles."""
 
+    step: int  # of the ladder
     pixel_error: float  # in pixels, exactly as float32 holds it
     cut: np.ndarray  # (c,) int64 sorted ids
     found: CellVisibility
@@ -48,11 +49,12 @@ def coarsen(
     look: Callable[[np.ndarray], CellVisibility | None],
     pixel_error: float,
     most: int,
+    expected: int = 1,
 ) -> Coarsened:
     """The cell at a low step of the ladder at which it reports no more than `most` triangles.
 
-    By bisection between step 0, which is known to report too many, and the first step whose whole cut is small enough.
-    The step below the result was tried and reports too many.
+    Between step 0, which is known to report too many, and the first step whose whole cut is small enough: first the
+    expected step and the one beside it, then by bisection. The step below the result was tried and reports too many.
 
     Args:
         cut_at: the cell's cut at an allowed error in pixels.
@@ -60,14 +62,20 @@ def coarsen(
         look: what can be seen of a cut; None where that is more than `most` triangles.
         pixel_error: the allowed error of step 0.
         most: what `check_budget` found possible.
+        expected: a step that may well be the result.
     """
     holds = 1
     while triangles_of(cut := cut_at(raised_error(pixel_error, holds))) > most:
         holds += 1
     found: CellVisibility | None = None
     too_many = 0
+    tried = 0
     while holds - too_many > 1:
         middle = (too_many + holds) // 2
+        if tried < 2:
+            near = expected if not tried else (holds - 1 if found is not None else too_many + 1)
+            middle = min(max(near, too_many + 1), holds - 1)
+        tried += 1
         middle_cut = cut_at(raised_error(pixel_error, middle))
         seen = look(middle_cut)
         if seen is None:
@@ -77,4 +85,4 @@ def coarsen(
     if found is None:
         found = look(cut)
         assert found is not None, "a cut is never smaller than what can be seen of it"
-    return Coarsened(raised_error(pixel_error, holds), cut, found)
+    return Coarsened(holds, raised_error(pixel_error, holds), cut, found)

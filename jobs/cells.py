@@ -93,6 +93,7 @@ class _Task:
 
     def __init__(self, store: Geometry, root_key: int, parameters: CellParameters) -> None:
         self.open_keys: list[int] = []  # cells found to need splitting below the task's last level, in Morton order
+        self._expected_step = 1  # of the budget's ladder: that of the last cell, which often suits its neighbour
         self._store, self._parameters = store, parameters
         self._bottom = _bottom(root_key, parameters)
         self._cuts = _cuts(store, root_key, parameters)
@@ -151,7 +152,9 @@ class _Task:
             look,
             parameters.pixel_error,
             most_triangles,
+            self._expected_step,
         )
+        self._expected_step = coarser.step
         # only sampled cells look at their cut once more
         engine = engine_for(coarser.cut) if parameters.engine.sampled else self._engine
         return self._finished(engine, key, coarser.cut, coarser.found, coarser.pixel_error)

@@ -108,6 +108,7 @@ def _cells(store: Store) -> dict[str, Any]:
     edges = (cells["hi"] - cells["lo"])[:, 0]
     reported, proven = (cells[name].astype(np.int64) for name in ("triangles", "proven_triangles"))
     worst = np.lexsort((numbers, proven - reported))[:WORST]
+    worst = worst[reported[worst] > proven[worst]]
     target = store.manifest.parameters.get("triangles_per_cell")
     return {
         "cells": len(store.cells),
@@ -305,6 +306,7 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
         )
         for row in cells["worst"]
     ]
+    heads = ("cell", "reported", "proven", "cut", "tightness", "box")
     return [
         Section("Cells", (), rows),
         Section(
@@ -313,7 +315,7 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
             certificate,
         ),
         Section("Cells by tightness", ("reported / proven", "cells", "share", "".ljust(BAR)), histogram),
-        Section("Cells with the largest gaps", ("cell", "reported", "proven", "cut", "tightness", "box"), worst),
+        *([Section("Cells with the largest gaps", heads, worst)] if worst else []),
         *_raised_sections(cells["raised"]),
     ]
 

@@ -113,9 +113,11 @@ def test_steps_of_the_ladder_are_a_third_to_a_half_apart_and_survive_the_store(f
     assert raised_error(first, 0) == float(np.float32(first))
 
 
-@given(st.lists(st.integers(0, 1000), min_size=2, max_size=30), st.floats(0, 1), st.integers(0, 1000))
-def test_the_step_holds_and_the_one_below_it_does_not(sizes, share, most):
-    """Cuts of any sizes, of which any part is seen, as long as the last one is small enough."""
+@given(
+    st.lists(st.integers(0, 1000), min_size=2, max_size=30), st.floats(0, 1), st.integers(0, 1000), st.integers(1, 40)
+)
+def test_the_step_holds_and_the_one_below_it_does_not(sizes, share, most, expected):
+    """Cuts of any sizes, of which any part is seen, as long as the last one is small enough, whatever was expected."""
     sizes = [most + 1, *sizes, most]
     tried: dict[int, int] = {}
     steps = {raised_error(1.0, step): step for step in range(len(sizes))}
@@ -131,8 +133,9 @@ def test_the_step_holds_and_the_one_below_it_does_not(sizes, share, most):
 
     most = max(most, 1)
     sizes[-1] = most
-    found = coarsen(cut_at, len, look, 1.0, most)
+    found = coarsen(cut_at, len, look, 1.0, most, expected)
     step = steps[found.pixel_error]
+    assert step == found.step
     assert (found.cut == step).all()
     assert step >= 1
     assert len(found.found.visible) <= most

@@ -65,8 +65,8 @@ class _Corners(click.Option):
     default="normal",
     show_default=True,
     help="How much time a cell may take to find what is hidden, and to prove what is not. draft: about half of "
-    "normal's, for 5 to 10 % more triangles; high: three times normal's, for 2 to 8 % fewer. None misses what "
-    "can be seen.",
+    "normal's, for 5 to 12 % more triangles; high: three to four times normal's, for 2 to 7 % fewer. None misses "
+    "what can be seen.",
 )
 @click.option(
     "--cell-size", type=float, metavar="LENGTH", help="Smallest edge of a cell in model units, instead of --max-depth."

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.ray_tree import BEHIND, MARGIN, STACK, Scene, find_blocker, find_first, may_block
+from jobs.visibility.ray_tree import BEHIND, MARGIN, STACK, Scene, edge_volumes, find_blocker, find_first, may_block
 from storage.kernels import allocating_kernel, kernel
 
 #: Rays start this part of the cell's half extents inside its faces: what lies in the plane of a face stands before
@@ -128,9 +128,7 @@ def where_met(scene: Scene, t: int, o: np.ndarray, d: np.ndarray) -> tuple[float
     ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
     bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]
     cx, cy, cz = scene.vertices[i2, 0] - o[0], scene.vertices[i2, 1] - o[1], scene.vertices[i2, 2] - o[2]
-    va = d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx)
-    vb = d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax)
-    vc = d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx)
+    va, vb, vc = edge_volumes(ax, ay, az, bx, by, bz, cx, cy, cz, d)
     if va + vb + vc < 0:
         va, vb, vc = -va, -vb, -vc
     whole = max(va, 0.0) + max(vb, 0.0) + max(vc, 0.0)

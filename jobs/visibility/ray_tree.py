@@ -107,6 +107,32 @@ def enters(box: np.ndarray, node: int, o: np.ndarray, over: np.ndarray, limit: f
     return near <= far
 
 
+@kernel(inline="always")
+def edge_volumes(
+    ax: float, ay: float, az: float, bx: float, by: float, bz: float, cx: float, cy: float, cz: float, d: np.ndarray
+) -> tuple[float, float, float]:
+    """Six times the volumes between a ray along d and a triangle's three edges, its corners seen from the ray's start.
+
+    All of one sign where the ray's line passes inside; their parts of the sum are the weights of a, b and c there.
+    """
+    return (
+        d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx),
+        d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax),
+        d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx),
+    )
+
+
+@kernel(inline="always")
+def _push_children(scene: Scene, node: int, d: np.ndarray, stack: np.ndarray, count: int) -> int:
+    """Put an inner node's children on the stack of `count` nodes, the one that comes first along d on top."""
+    near, far = node + 1, scene.right[node]
+    if d[scene.axis[node]] < 0:
+        near, far = far, near
+    stack[count] = far
+    stack[count + 1] = near
+    return count + 2
+
+
 @kernel()
 def may_block(
     vertices: np.ndarray, triangles: np.ndarray, t: int, one_sided: bool, o: np.ndarray, d: np.ndarray, reach: float
@@ -124,10 +150,7 @@ def may_block(
     ax, ay, az = x0 - o[0], y0 - o[1], z0 - o[2]
     bx, by, bz = x1 - o[0], y1 - o[1], z1 - o[2]
     cx, cy, cz = x2 - o[0], y2 - o[1], z2 - o[2]
-    # six times the volumes between the ray and the three edges: all of one sign where it passes inside
-    va = d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx)
-    vb = d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax)
-    vc = d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx)
+    va, vb, vc = edge_volumes(ax, ay, az, bx, by, bz, cx, cy, cz, d)
     na = max(abs(ax), abs(ay), abs(az))
     nb = max(abs(bx), abs(by), abs(bz))
     nc = max(abs(cx), abs(cy), abs(cz))
@@ -170,12 +193,7 @@ def find_blocker(
             continue
         c = scene.cluster[node]
         if c < 0:
-            near, far = node + 1, scene.right[node]
-            if d[scene.axis[node]] < 0:
-                near, far = far, near
-            stack[count] = far
-            stack[count + 1] = near
-            count += 2
+            count = _push_children(scene, node, d, stack, count)
             continue
         drawable = scene.cluster_drawable[c]
         if drawable == own or not standing[drawable]:
@@ -207,12 +225,7 @@ def find_first(
             continue
         cluster = scene.cluster[node]
         if cluster < 0:
-            near, far = node + 1, scene.right[node]
-            if d[scene.axis[node]] < 0:
-                near, far = far, near
-            stack[count] = far
-            stack[count + 1] = near
-            count += 2
+            count = _push_children(scene, node, d, stack, count)
             continue
         drawable = scene.cluster_drawable[cluster]
         if not standing[drawable]:
@@ -222,9 +235,7 @@ def find_first(
             ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
             bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]
             cx, cy, cz = scene.vertices[i2, 0] - o[0], scene.vertices[i2, 1] - o[1], scene.vertices[i2, 2] - o[2]
-            va = d[0] * (by * cz - bz * cy) + d[1] * (bz * cx - bx * cz) + d[2] * (bx * cy - by * cx)
-            vb = d[0] * (cy * az - cz * ay) + d[1] * (cz * ax - cx * az) + d[2] * (cx * ay - cy * ax)
-            vc = d[0] * (ay * bz - az * by) + d[1] * (az * bx - ax * bz) + d[2] * (ax * by - ay * bx)
+            va, vb, vc = edge_volumes(ax, ay, az, bx, by, bz, cx, cy, cz, d)
             if (va < 0 or vb < 0 or vc < 0) and (va > 0 or vb > 0 or vc > 0):
                 continue
             along = va + vb + vc

@@ -122,15 +122,33 @@ def edge_volumes(
     )
 
 
-@kernel(inline="always")
-def _push_children(scene: Scene, node: int, d: np.ndarray, stack: np.ndarray, count: int) -> int:
-    """Put an inner node's children on the stack of `count` nodes, the one that comes first along d on top."""
-    near, far = node + 1, scene.right[node]
-    if d[scene.axis[node]] < 0:
-        near, far = far, near
-    stack[count] = far
-    stack[count + 1] = near
-    return count + 2
+@kernel()
+def next_cluster(
+    scene: Scene, o: np.ndarray, d: np.ndarray, over: np.ndarray, limit: float, stack: np.ndarray, count: int
+) -> tuple[int, int]:
+    """The next cluster whose box a ray enters before `limit` ray lengths, about from near to far; -1: no more.
+
+    Args:
+        o, d: (3,) float64 start and direction of the ray; over: (3,) float64, see `inverse`.
+        stack: (STACK,) int32 the nodes that are still to visit, `count` of them: node 0 at first.
+
+    Returns:
+        (the cluster, the nodes that are left).
+    """
+    while count:
+        count -= 1
+        node = stack[count]
+        if not enters(scene.box, node, o, over, limit):
+            continue
+        if scene.cluster[node] >= 0:
+            return scene.cluster[node], count
+        near, far = node + 1, scene.right[node]
+        if d[scene.axis[node]] < 0:
+            near, far = far, near
+        stack[count] = far
+        stack[count + 1] = near
+        count += 2
+    return -1, 0
 
 
 @kernel()
@@ -181,27 +199,19 @@ def find_blocker(
         standing: (drawables,) bool what may block; own: the drawable that is looked at, which never blocks.
         o, d, reach: see `may_block`; work: (3,) float64 and stack: (STACK,) int32 are written to.
     """
-    if not len(scene.right):
-        return -1
     inverse(d, work)
     stack[0] = 0
-    count = 1
-    while count:
-        count -= 1
-        node = stack[count]
-        if not enters(scene.box, node, o, work, 1.0 + BEHIND):
-            continue
-        c = scene.cluster[node]
+    count = min(len(scene.right), 1)
+    while True:
+        c, count = next_cluster(scene, o, d, work, 1.0 + BEHIND, stack, count)
         if c < 0:
-            count = _push_children(scene, node, d, stack, count)
-            continue
+            return -1
         drawable = scene.cluster_drawable[c]
         if drawable == own or not standing[drawable]:
             continue
         for t in range(scene.cluster_start[c], scene.cluster_start[c + 1]):
             if may_block(scene.vertices, scene.triangles, t, scene.one_sided[drawable], o, d, reach):
                 return t
-    return -1
 
 
 @kernel()
@@ -213,20 +223,13 @@ def find_first(
     Args: as for `find_blocker`. Backs of one-sided drawables let the ray pass.
     """
     found, nearest = -1, np.inf
-    if not len(scene.right):
-        return found, nearest
     inverse(d, work)
     stack[0] = 0
-    count = 1
-    while count:
-        count -= 1
-        node = stack[count]
-        if not enters(scene.box, node, o, work, nearest):
-            continue
-        cluster = scene.cluster[node]
+    count = min(len(scene.right), 1)
+    while True:
+        cluster, count = next_cluster(scene, o, d, work, nearest, stack, count)
         if cluster < 0:
-            count = _push_children(scene, node, d, stack, count)
-            continue
+            return found, nearest
         drawable = scene.cluster_drawable[cluster]
         if not standing[drawable]:
             continue
@@ -245,4 +248,3 @@ def find_first(
             at = to_plane / along
             if 0 < at < nearest:
                 found, nearest = t, at
-    return found, nearest

@@ -13,7 +13,6 @@ from jobs.budget import coarsen, raised_error
 from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
-from jobs.scenes import write_scene
 from jobs.verify import verify
 from jobs.visibility.engine import CellVisibility
 from storage import open_store
@@ -25,16 +24,9 @@ PARAMETERS = BuildParameters(triangles_per_cell=3000, max_depth=2, quality="draf
 
 
 @pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("model") / "plant.glb"
-    write_scene("plant", path, 20_000, 0)
-    return path
-
-
-@pytest.fixture(scope="module")
-def free(model, tmp_path_factory) -> Store:
+def free(small_plant, tmp_path_factory) -> Store:
     """Without a budget."""
-    return built(model, tmp_path_factory.mktemp("free"), None)
+    return built(small_plant, tmp_path_factory.mktemp("free"), None)
 
 
 def built(model, folder, most) -> Store:
@@ -47,8 +39,8 @@ def raised(store: Store) -> np.ndarray:
 
 
 @pytest.mark.parametrize("most", [2500, 800, 60])
-def test_no_cell_reports_more_than_the_budget(model, free, tmp_path, most):
-    store = built(model, tmp_path, most)
+def test_no_cell_reports_more_than_the_budget(small_plant, free, tmp_path, most):
+    store = built(small_plant, tmp_path, most)
     counts = store.drawables["triangles"].astype(np.int64)
     assert free.cells["triangles"].max() > most
     assert store.manifest.parameters["max_triangles"] == most
@@ -67,9 +59,9 @@ def test_no_cell_reports_more_than_the_budget(model, free, tmp_path, most):
     assert verify(str(tmp_path / "store"), samples=300, cells=12, workers=1).problems == []
 
 
-def test_cells_within_the_budget_are_as_without_it(model, free, tmp_path):
+def test_cells_within_the_budget_are_as_without_it(small_plant, free, tmp_path):
     most = int(np.quantile(free.cells["triangles"], 0.8))
-    store = built(model, tmp_path, most)
+    store = built(small_plant, tmp_path, most)
     place = {int(key): cell for cell, key in enumerate(free.cells["key"])}
     same = [(cell, place.get(int(row["key"]))) for cell, row in enumerate(store.cells) if row["pixel_error"] == 1]
     kept = [(a, b) for a, b in same if b is not None]
@@ -79,29 +71,29 @@ def test_cells_within_the_budget_are_as_without_it(model, free, tmp_path):
         assert np.array_equal(store.vlod(a), free.vlod(b))
 
 
-def test_a_budget_that_all_cells_keep_changes_no_cell(model, free, tmp_path):
-    store = built(model, tmp_path, int(free.cells["triangles"].max()))
+def test_a_budget_that_all_cells_keep_changes_no_cell(small_plant, free, tmp_path):
+    store = built(small_plant, tmp_path, int(free.cells["triangles"].max()))
     assert np.array_equal(store.cells, free.cells)
     assert store.manifest.cells == free.manifest.cells
 
 
-def test_the_target_is_never_above_the_budget(model, tmp_path):
+def test_the_target_is_never_above_the_budget(small_plant, tmp_path):
     # without a budget, the whole model in one cell would be within the target
     parameters = dataclasses.replace(PARAMETERS, triangles_per_cell=10**9, max_triangles=3000)
-    build([model], tmp_path / "store", parameters, SerialExecutor())
+    build([small_plant], tmp_path / "store", parameters, SerialExecutor())
     cells = open_store(tmp_path / "store").cells
     assert cells["depth"].max() > 0
     assert (cells["triangles"] <= 3000).all()
 
 
-def test_less_than_the_coarsest_model_is_refused_before_any_cell(model, free, tmp_path):
+def test_less_than_the_coarsest_model_is_refused_before_any_cell(small_plant, free, tmp_path):
     least = coarsest_triangles(free.nodes, free.drawables)
     with pytest.raises(ParameterError, match=f"--max-triangles {least} or more"):
-        built(model, tmp_path, least - 1)
+        built(small_plant, tmp_path, least - 1)
     with pytest.raises(StoreNotFoundError):
         open_store(tmp_path / "store")
     assert not any((tmp_path / "store" / "work").glob("cells/*"))
-    store = built(model, tmp_path, least)
+    store = built(small_plant, tmp_path, least)
     assert (store.cells["triangles"] <= least).all()
 
 

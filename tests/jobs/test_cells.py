@@ -13,7 +13,6 @@ from jobs.executors import SerialExecutor
 from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.plan import cell_parameters
-from jobs.scenes import write_scene
 from jobs.stages.cells import cell_parameters as from_payload
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import octree, open_store
@@ -26,20 +25,13 @@ SMALL = (-20.0, -20.0, 0.0, 20.0, 20.0, 3.0)
 
 
 @pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("model") / "plant.glb"
-    write_scene("plant", path, 20_000, 0)
-    return path
+def geometry(small_plant, tmp_path_factory) -> Geometry:
+    return build_geometry([small_plant], tmp_path_factory.mktemp("geometry")).geometry
 
 
 @pytest.fixture(scope="module")
-def geometry(model, tmp_path_factory) -> Geometry:
-    return build_geometry([model], tmp_path_factory.mktemp("geometry")).geometry
-
-
-@pytest.fixture(scope="module")
-def default(model, tmp_path_factory) -> Store:
-    return built(model, tmp_path_factory.mktemp("default"), PARAMETERS)
+def default(small_plant, tmp_path_factory) -> Store:
+    return built(small_plant, tmp_path_factory.mktemp("default"), PARAMETERS)
 
 
 def built(model, folder, parameters: BuildParameters) -> Store:
@@ -53,9 +45,9 @@ def of_cells(geometry: Geometry, parameters: BuildParameters) -> CellParameters:
     return from_payload(cell_parameters(parameters, space, pixel_angle(1080, 60)))
 
 
-def test_what_splits_save_little_stays_whole(model, default, tmp_path, monkeypatch):
+def test_what_splits_save_little_stays_whole(small_plant, default, tmp_path, monkeypatch):
     monkeypatch.setattr(jobs.cells, "LEAST_SAVED", -np.inf)
-    split = built(model, tmp_path, PARAMETERS)
+    split = built(small_plant, tmp_path, PARAMETERS)
     place = {int(key): cell for cell, key in enumerate(split.cells["key"])}
     whole = [cell for cell, key in enumerate(default.cells["key"]) if int(key) not in place]
     assert 0 < len(whole) < len(default.cells) < len(split.cells)
@@ -103,7 +95,7 @@ def test_qualities_are_the_names_that_parameters_know():
     assert BuildParameters().quality == "normal"
 
 
-def test_the_quality_decides_the_engines_settings_and_stands_in_the_manifest(model, default):
+def test_the_quality_decides_the_engines_settings_and_stands_in_the_manifest(small_plant, default):
     assert default.manifest.parameters["quality"] == "draft"
     for quality, settings in QUALITIES.items():
         assert of_cells(default, dataclasses.replace(PARAMETERS, quality=quality)).engine == settings

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.ray_tree import BEHIND, MARGIN, STACK, Scene, edge_volumes, find_blocker, find_first, may_block
+from jobs.visibility.ray_tree import MARGIN, SAME, STACK, Scene, edge_volumes, find_blocker, find_first, may_block
 from storage.kernels import allocating_kernel, kernel
 
 #: Rays start this part of the cell's half extents inside its faces: what lies in the plane of a face stands before
@@ -238,6 +238,6 @@ def count_misses(
             continue
         # what lies in the very same place is drawn in its stead
         other, also = find_first(scene, drawn, o, d, over, stack)
-        if other < 0 or also > at * (1.0 + BEHIND):
+        if other < 0 or also > at * (1.0 + SAME):
             missed += 1
     return missed

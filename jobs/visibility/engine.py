@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, back_faces, item_buffer, occludees, occluders, ray_tree
+from jobs.visibility import aimed_rays, back_faces, item_buffer, occludees, occluders, ray_tree, shafts
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
@@ -47,6 +47,8 @@ class EngineSettings:
     proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
     aimed_rays: int = 16_384  # at drawables that item buffers do not prove visible, all together
     most_aimed_rays: int = 1024  # at one of them
+    shafts: int = 20_000  # looked at to decide what is neither proven visible nor hidden, all together
+    most_shafts: int = 500  # at one drawable, besides one for each of its triangles
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
     sampling_aimed_rays: int = 65_536  # at drawables that these do not meet, all together
@@ -106,10 +108,9 @@ class Engine:
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
         self._first = soup.cluster_start[soup.drawable_clusters]
-        self._scene = ray_tree.Scene(
-            *ray_tree.build_tree(soup.cluster_lo, soup.cluster_hi), soup.vertices, soup.triangles, soup.cluster_start,
-            soup.cluster_drawable, soup.triangle_drawable, soup.one_sided,
-        )  # fmt: skip
+        self._scene = ray_tree.build_scene(
+            soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
+        )
 
     def on(self, soup: Soup) -> Engine:
         """An engine for other triangles that shares this one's images: use one of the two at a time."""
@@ -178,7 +179,34 @@ class Engine:
         if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
             return None
         proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
+        if self.settings.shafts and self._shrunk is None:
+            visible, proven = self._decide(lo, hi, active, visible, proven, cluster_lo, cluster_hi)
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
+
+    def _decide(
+        self,
+        lo: np.ndarray,
+        hi: np.ndarray,
+        active: np.ndarray,
+        visible: np.ndarray,
+        proven: np.ndarray,
+        cluster_lo: np.ndarray,
+        cluster_hi: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can."""
+        soup = self.soup
+        standing, hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(3))
+        standing[visible] = True
+        seen[proven] = True
+        left = visible[~seen[visible]]
+        left = left[np.argsort(-soup.triangle_counts[left], kind="stable")]
+        self.count = shafts.decide(
+            self._scene, standing,
+            shafts.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
+            left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi, self._layers,
+            self.settings.shafts, self.settings.most_shafts, hidden, seen,
+        )  # fmt: skip
+        return visible[~hidden[visible]], visible[seen[visible]]
 
     def _find_visible(
         self,

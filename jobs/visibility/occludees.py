@@ -156,7 +156,7 @@ def find_visible(
                 if one_sided[d] and side[t] < 0:
                     continue
                 if (
-                    (side[t] == 0 and _may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
+                    (side[t] == 0 and may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
                     or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], layers, polygon)
                 ):  # fmt: skip
                     visible[k] = True
@@ -168,7 +168,7 @@ def find_visible(
 
 
 @kernel()
-def _may_touch(q: np.ndarray, a: int, b: int, c: int) -> bool:
+def may_touch(q: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether the triangle's box meets the cell, [-1, 1]^3."""
     grow = 1.0 + 1e-9
     apart = False

@@ -68,21 +68,28 @@ def find_sides(
         side[t] = 0
         if not active[triangle_drawable[t]]:
             continue
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ax, ay, az = float(vertices[a, 0]), float(vertices[a, 1]), float(vertices[a, 2])
-        ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
-        vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
-        nx = uy * vz - uz * vy
-        ny = uz * vx - ux * vz
-        nz = ux * vy - uy * vx
-        dx, dy, dz = centre[0] - ax, centre[1] - ay, centre[2] - az
-        o = nx * dx + ny * dy + nz * dz
-        reach = abs(nx) * half[0] + abs(ny) * half[1] + abs(nz) * half[2]
-        doubt = 1e-14 * (abs(nx * dx) + abs(ny * dy) + abs(nz * dz) + reach)
-        if o > reach + doubt:
-            side[t] = 1
-        elif -o > reach + doubt:
-            side[t] = -1
+        side[t] = side_of(vertices, triangles, t, centre, half)
+
+
+@kernel()
+def side_of(vertices: np.ndarray, triangles: np.ndarray, t: int, centre: np.ndarray, half: np.ndarray) -> int:
+    """The side of triangle t's plane on which a whole box lies: see `find_sides`."""
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    ax, ay, az = float(vertices[a, 0]), float(vertices[a, 1]), float(vertices[a, 2])
+    ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
+    vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
+    nx = uy * vz - uz * vy
+    ny = uz * vx - ux * vz
+    nz = ux * vy - uy * vx
+    dx, dy, dz = centre[0] - ax, centre[1] - ay, centre[2] - az
+    o = nx * dx + ny * dy + nz * dz
+    reach = abs(nx) * half[0] + abs(ny) * half[1] + abs(nz) * half[2]
+    doubt = 1e-14 * (abs(nx * dx) + abs(ny * dy) + abs(nz * dz) + reach)
+    if o > reach + doubt:
+        return 1
+    if -o > reach + doubt:
+        return -1
+    return 0
 
 
 @kernel()

@@ -1,7 +1,8 @@
-"""Rays against the clusters of a soup, through a tree of their boxes: what is met first, and what may be in the way.
+"""Rays against a soup, through a tree of boxes: what is met first, and what may be in the way.
 
-The tree is built once for a soup and serves all cells: a cell says which of the soup's drawables stand in it. Halves
-have equally many clusters, cut across the widest extent of their middles. Leaves hold one cluster.
+The tree is built once for a soup and serves all cells: a cell says which of the soup's drawables stand in it. Leaves
+hold a *bundle*, a few neighbouring triangles of one cluster. Halves have equally many bundles, cut across the widest
+extent of their middles.
 
 Everything is in grid units. Corners are integers of at most 24 bits, so differences of corners and the normals made of
 them are exact in float64; a corner seen from a ray's start is rounded once.
@@ -23,8 +24,12 @@ GROWN = 0.5
 #: A triangle is in the way also where exact arithmetic would see it this much beside it, relative to the lengths of
 #: the factors: some thousand times float64's rounding.
 MARGIN = 1e-12
-#: And where it lies this much behind what is looked at, as a part of the ray.
-BEHIND = 1e-9
+#: What lies this near what is looked at, as a part of the ray, is in the same place: either of the two is drawn there.
+SAME = 1e-9
+#: Most triangles in a bundle.
+BUNDLE = 8
+#: What stands between the two ends of a segment: see `meets`.
+APART, PERHAPS, SURELY = 0, 1, 2
 #: Nodes that can wait at once: a tree of n leaves is at most log2(n) + 1 deep.
 STACK = 64
 
@@ -34,24 +39,49 @@ class Scene(NamedTuple):
 
     box: np.ndarray  # (nodes, 2, 3) float64 lower and upper corners, grown
     right: np.ndarray  # (nodes,) int32 right child; 0 at leaves
-    cluster: np.ndarray  # (nodes,) int32 cluster of a leaf; -1 at inner nodes
+    bundle: np.ndarray  # (nodes,) int32 bundle of a leaf; -1 at inner nodes
     axis: np.ndarray  # (nodes,) int8 that the node is cut across
     vertices: np.ndarray  # (n, 3) int32
     triangles: np.ndarray  # (m, 3) int32
-    cluster_start: np.ndarray  # (k + 1,) int32 offsets into the triangles
-    cluster_drawable: np.ndarray  # (k,) int32
+    bundle_start: np.ndarray  # (b + 1,) int32 offsets into the triangles
     triangle_drawable: np.ndarray  # (m,) int32
     one_sided: np.ndarray  # (drawables,) bool: their backs let rays pass
 
 
+def build_scene(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    triangle_drawable: np.ndarray,
+    one_sided: np.ndarray,
+    cluster_start: np.ndarray,
+) -> Scene:
+    """The tree over the triangles of a soup.
+
+    Args:
+        vertices, triangles, triangle_drawable, one_sided: as in `Scene`.
+        cluster_start: (k + 1,) int32 offsets into the triangles; bundles lie within clusters.
+    """
+    sizes = np.diff(cluster_start)
+    bundles = -(-sizes // BUNDLE)
+    number = np.arange(bundles.sum()) - np.repeat(np.cumsum(bundles) - bundles, bundles)
+    start = np.append(np.repeat(cluster_start[:-1], bundles) + BUNDLE * number, len(triangles)).astype(np.int32)
+    if len(triangles):
+        corners = vertices[triangles]
+        lo = np.minimum.reduceat(corners.min(axis=1), start[:-1], axis=0).astype(np.float64)
+        hi = np.maximum.reduceat(corners.max(axis=1), start[:-1], axis=0).astype(np.float64)
+    else:
+        lo = hi = np.zeros((0, 3))
+    return Scene(*build_tree(lo, hi), vertices, triangles, start, triangle_drawable, one_sided)
+
+
 @allocating_kernel()
 def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The tree over boxes lo, hi (k, 3) float64: box, right, cluster and axis as in `Scene`."""
+    """The tree over boxes lo, hi (k, 3) float64: box, right, bundle and axis as in `Scene`."""
     k = len(lo)
     nodes = max(2 * k - 1, 0)
     box = np.empty((nodes, 2, 3), np.float64)
     right = np.zeros(nodes, np.int32)
-    cluster = np.full(nodes, -1, np.int32)
+    bundle = np.full(nodes, -1, np.int32)
     axes = np.zeros(nodes, np.int8)
     middle = 0.5 * (lo + hi)
     order = np.arange(k)
@@ -75,7 +105,7 @@ def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
             if last - first > widest:
                 widest, axis = last - first, i
         if end - begin == 1:
-            cluster[node] = order[begin]
+            bundle[node] = order[begin]
         else:
             axes[node] = axis
             part = order[begin:end].copy()
@@ -85,7 +115,7 @@ def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
             waiting[count + 1, 0], waiting[count + 1, 1], waiting[count + 1, 2] = begin, half, -1
             count += 2
         node += 1
-    return box, right, cluster, axes
+    return box, right, bundle, axes
 
 
 @kernel()
@@ -123,25 +153,25 @@ def edge_volumes(
 
 
 @kernel()
-def next_cluster(
+def next_bundle(
     scene: Scene, o: np.ndarray, d: np.ndarray, over: np.ndarray, limit: float, stack: np.ndarray, count: int
 ) -> tuple[int, int]:
-    """The next cluster whose box a ray enters before `limit` ray lengths, about from near to far; -1: no more.
+    """The next bundle whose box a ray enters before `limit` ray lengths, about from near to far; -1: no more.
 
     Args:
         o, d: (3,) float64 start and direction of the ray; over: (3,) float64, see `inverse`.
         stack: (STACK,) int32 the nodes that are still to visit, `count` of them: node 0 at first.
 
     Returns:
-        (the cluster, the nodes that are left).
+        (the bundle, the nodes that are left).
     """
     while count:
         count -= 1
         node = stack[count]
         if not enters(scene.box, node, o, over, limit):
             continue
-        if scene.cluster[node] >= 0:
-            return scene.cluster[node], count
+        if scene.bundle[node] >= 0:
+            return scene.bundle[node], count
         near, far = node + 1, scene.right[node]
         if d[scene.axis[node]] < 0:
             near, far = far, near
@@ -152,14 +182,18 @@ def next_cluster(
 
 
 @kernel()
-def may_block(
-    vertices: np.ndarray, triangles: np.ndarray, t: int, one_sided: bool, o: np.ndarray, d: np.ndarray, reach: float
-) -> bool:
-    """Whether triangle t may keep somebody at o from seeing the point o + d: False only where it surely does not.
+def meets(vertices: np.ndarray, triangles: np.ndarray, t: int, o: np.ndarray, d: np.ndarray, reach: float) -> int:
+    """Whether triangle t stands between o and the point o + d.
+
+    What lies in the very same place as that point does not: of two coincident faces either may be the one that is drawn.
 
     Args:
         o, d: (3,) float64 grid units; d may be off by float64's rounding of `reach`, the largest coordinate (seen from
             o) of what d was made from.
+
+    Returns:
+        APART where it surely does not; SURELY where the segment crosses it well inside, from its front, -SURELY from
+        its back; PERHAPS where rounding may be to blame, -PERHAPS where the front is surely turned away.
     """
     i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     x0, y0, z0 = float(vertices[i0, 0]), float(vertices[i0, 1]), float(vertices[i0, 2])
@@ -173,19 +207,35 @@ def may_block(
     nb = max(abs(bx), abs(by), abs(bz))
     nc = max(abs(cx), abs(cy), abs(cz))
     ma, mb, mc = MARGIN * reach * nb * nc, MARGIN * reach * nc * na, MARGIN * reach * na * nb
-    if (va < -ma or vb < -mb or vc < -mc) and (va > ma or vb > mb or vc > mc):
-        return False
+    above = va > ma or vb > mb or vc > mc
+    below = va < -ma or vb < -mb or vc < -mc
+    if above and below:
+        return APART
     ux, uy, uz = x1 - x0, y1 - y0, z1 - z0
     wx, wy, wz = x2 - x0, y2 - y0, z2 - z0
     nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
     to_plane = nx * ax + ny * ay + nz * az
     along = nx * d[0] + ny * d[1] + nz * d[2]
     slack = 3.0 * MARGIN * max(abs(nx), abs(ny), abs(nz)) * (na + reach)
-    if one_sided and to_plane > slack:
-        return False
+    sign = -1 if to_plane > slack else 1
     if along < 0:
         to_plane, along = -to_plane, -along
-    return -slack <= to_plane <= along * (1.0 + BEHIND) + slack
+    if along * SAME > 2.0 * slack:
+        if not -slack <= to_plane < along * (1.0 - SAME):
+            return APART
+        inside = (va > ma and vb > mb and vc > mc) or (va < -ma and vb < -mb and vc < -mc)
+        return sign * (SURELY if inside and to_plane > slack else PERHAPS)
+    # almost along the plane: nobody can tell
+    return sign * PERHAPS if -slack <= to_plane <= along * (1.0 + SAME) + slack else APART
+
+
+@kernel(inline="always")
+def may_block(
+    vertices: np.ndarray, triangles: np.ndarray, t: int, one_sided: bool, o: np.ndarray, d: np.ndarray, reach: float
+) -> bool:
+    """Whether triangle t may keep somebody at o from seeing the point o + d: False only where it surely does not."""
+    met = meets(vertices, triangles, t, o, d, reach)
+    return met > APART or (met < APART and not one_sided)
 
 
 @kernel()
@@ -203,13 +253,13 @@ def find_blocker(
     stack[0] = 0
     count = min(len(scene.right), 1)
     while True:
-        c, count = next_cluster(scene, o, d, work, 1.0 + BEHIND, stack, count)
+        c, count = next_bundle(scene, o, d, work, 1.0 + SAME, stack, count)
         if c < 0:
             return -1
-        drawable = scene.cluster_drawable[c]
+        drawable = scene.triangle_drawable[scene.bundle_start[c]]
         if drawable == own or not standing[drawable]:
             continue
-        for t in range(scene.cluster_start[c], scene.cluster_start[c + 1]):
+        for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if may_block(scene.vertices, scene.triangles, t, scene.one_sided[drawable], o, d, reach):
                 return t
 
@@ -227,13 +277,13 @@ def find_first(
     stack[0] = 0
     count = min(len(scene.right), 1)
     while True:
-        cluster, count = next_cluster(scene, o, d, work, nearest, stack, count)
-        if cluster < 0:
+        c, count = next_bundle(scene, o, d, work, nearest, stack, count)
+        if c < 0:
             return found, nearest
-        drawable = scene.cluster_drawable[cluster]
+        drawable = scene.triangle_drawable[scene.bundle_start[c]]
         if not standing[drawable]:
             continue
-        for t in range(scene.cluster_start[cluster], scene.cluster_start[cluster + 1]):
+        for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             i0, i1, i2 = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
             ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
             bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]

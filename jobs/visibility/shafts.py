@@ -1,0 +1,474 @@
+"""What images leave undecided: shafts between parts of the cell and parts of a drawable, split until they are decided.
+
+A *shaft* is the convex hull of a part of the cell (a box V) and of a part of a drawable (a box U that holds it). Either
+a ray through it proves that the drawable is seen, or a set of triangles is found that closes the shaft, or V or U is
+cut in two and both halves are looked at, as long as there is time. There are no pixels here: neither a pixel's width
+nor the depths within it blur what is hidden, and parts of the cell may be hidden from by different occluders.
+
+**When a set S closes a shaft, and why.** Let no triangle of S touch V, or U. S closes the shaft if some segment from V
+to U crosses a triangle of S, and each edge of S that meets the shaft has two triangles in S that lie strictly on
+opposite sides of it as seen from all of V (it is *safe*, see `occluders`). Then no point of U is seen from V. *Proof.*
+Move the segment's two ends, the one within V and the other within U, to any two points of these; the segment stays in
+the shaft, which is convex. The number of triangles of S that it crosses changes only where it passes an edge, since its
+ends never touch S. Past a safe edge it meets one of the two opposite triangles (its end lies beyond the edge, or the
+edge would touch U). So the number stays at least 1. (Passing through a vertex is avoided by moving the ends a little.)
+
+S is flooded from a triangle that a segment surely crosses, over the edges that meet the shaft.
+
+**An edge and a shaft.** The hull of two boxes is the union of the boxes a V + (1 - a) U over 0 <= a <= 1. So a point
+A + t (B - A) of an edge lies in it if and only if six inequalities hold that are linear in a and t; whether any a and t
+fulfil them is decided by eliminating t (Fourier and Motzkin) and clipping the range of a.
+
+Based on: shafts between boxes, E. Haines, J. Wallace: Shaft Culling for Efficient Ray-Traced Radiosity, Eurographics
+Workshop on Rendering 1991; subdivision of the cell and of what is looked at until decided, as in hierarchical
+radiosity, P. Hanrahan, D. Salzman, L. Aupperle, SIGGRAPH 1991.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jobs.visibility.aimed_rays import INSET, LEAST_WEIGHT, facing
+from jobs.visibility.occludees import box_hidden, may_touch, triangle_hidden
+from jobs.visibility.occluders import side_of
+from jobs.visibility.ray_tree import APART, SAME, STACK, SURELY, Scene, inverse, meets, next_bundle
+from storage.kernels import allocating_kernel, kernel
+
+#: Boxes are grown by this many grid units: a million times what rounding moves a point by.
+GROWN = 2.0**-10
+#: Most triangles in a set that closes a shaft.
+LARGEST_SET = 256
+#: So many triangles that a segment crosses are tried as the first of a set.
+MOST_SEEDS = 6
+#: Shafts that can wait at once.
+QUEUE = 8192
+#: What becomes of a shaft.
+OPEN, CLOSED, SEEN = 0, 1, 2
+
+
+class Facets(NamedTuple):
+    """The soup's edges, and which triangles may occlude."""
+
+    triangle_edges: np.ndarray  # (m, 3) int32, see topology.edges
+    edge_start: np.ndarray  # (e + 1,) int32
+    edge_uses: np.ndarray  # (3 m,) int32
+    side: np.ndarray  # (m,) int8 of the whole cell, see occluders.find_sides
+    active: np.ndarray  # (drawables,) bool
+
+
+class Scratch(NamedTuple):
+    """What a cell's shafts are worked out in."""
+
+    seen: np.ndarray  # (m,) int64 the last shaft and seed for which a triangle was taken into a set
+    flood: np.ndarray  # (LARGEST_SET,) int32
+    stack: np.ndarray  # (STACK,) int32
+    v: np.ndarray  # (2, 3) float64 the part of the cell, grid units
+    u: np.ndarray  # (2, 3) float64 the box of the part of the drawable, grid units
+    corners: np.ndarray  # (8, 3) float64 that part's corners, grid units
+    low: np.ndarray  # (2, 3) float64 the shaft's lower bounds: at U, and how they change towards V
+    high: np.ndarray  # (2, 3) float64 its upper bounds
+    centre: np.ndarray  # (3,) float64 of V; half: half its extents, grown
+    half: np.ndarray  # (3,)
+    o: np.ndarray  # (3,) float64
+    d: np.ndarray  # (3,) float64
+    work: np.ndarray  # (3,) float64
+
+
+@kernel()
+def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """Where an edge meets a shaft: a, from 0 at U to 1 at V, or -1 where it does not; see the module's docstring.
+
+    Args:
+        ax, bx: (3,) int32 the ends of the edge, grid units.
+        low, high: (2, 3) float64: the shaft's part at a reaches from low[0] + a low[1] to high[0] + a high[1].
+    """
+    for k in range(3):
+        a, b = float(ax[k]), float(bx[k])
+        if max(a, b) < low[0, k] + min(low[1, k], 0.0) or min(a, b) > high[0, k] + max(high[1, k], 0.0):
+            return -1.0
+    first, last = 0.0, 1.0
+    for i in range(3):
+        di = float(bx[i]) - ax[i]
+        if di == 0.0:
+            first, last = _not_above(first, last, low[0, i] - ax[i], low[1, i])
+            first, last = _not_above(first, last, ax[i] - high[0, i], -high[1, i])
+            continue
+        # t is at least p + q a for this axis
+        if di > 0.0:
+            p, q = (low[0, i] - ax[i]) / di, low[1, i] / di
+            r, s = (high[0, i] - ax[i]) / di, high[1, i] / di
+        else:
+            p, q = (high[0, i] - ax[i]) / di, high[1, i] / di
+            r, s = (low[0, i] - ax[i]) / di, low[1, i] / di
+        first, last = _not_above(first, last, p - 1.0, q)
+        first, last = _not_above(first, last, -r, -s)
+        if first > last:
+            return -1.0
+        for j in range(3):
+            dj = float(bx[j]) - ax[j]
+            if j == i or dj == 0.0:
+                continue
+            # and at most r + s a for the others
+            if dj > 0.0:
+                r, s = (high[0, j] - ax[j]) / dj, high[1, j] / dj
+            else:
+                r, s = (low[0, j] - ax[j]) / dj, low[1, j] / dj
+            first, last = _not_above(first, last, p - r, q - s)
+    return 0.5 * (first + last) if first <= last else -1.0
+
+
+@kernel(inline="always")
+def _not_above(first: float, last: float, value: float, slope: float) -> tuple[float, float]:
+    """The part of [first, last] where value + a slope <= 0; empty where the first result is above the second."""
+    if slope > 0.0:
+        last = min(last, -value / slope)
+    elif slope < 0.0:
+        first = max(first, -value / slope)
+    elif value > 0.0:
+        last = first - 1.0
+    return first, last
+
+
+@kernel()
+def _apart(vertices: np.ndarray, triangles: np.ndarray, t: int, corners: np.ndarray, count: int, u: np.ndarray) -> bool:
+    """Whether triangle t surely does not touch the hull of some corners (count of (8, 3) float64); u: (2, 3) their box.
+
+    They are apart where their boxes are, or where all corners lie on one side of the triangle's plane, by GROWN.
+    """
+    i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    for k in range(3):
+        x, y, z = float(vertices[i0, k]), float(vertices[i1, k]), float(vertices[i2, k])
+        if max(x, y, z) < u[0, k] or min(x, y, z) > u[1, k]:
+            return True
+    x0, y0, z0 = float(vertices[i0, 0]), float(vertices[i0, 1]), float(vertices[i0, 2])
+    ux, uy, uz = vertices[i1, 0] - x0, vertices[i1, 1] - y0, vertices[i1, 2] - z0
+    wx, wy, wz = vertices[i2, 0] - x0, vertices[i2, 1] - y0, vertices[i2, 2] - z0
+    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+    slack = GROWN * (abs(nx) + abs(ny) + abs(nz))
+    above = below = True
+    for k in range(count):
+        along = nx * (corners[k, 0] - x0) + ny * (corners[k, 1] - y0) + nz * (corners[k, 2] - z0)
+        above &= along > slack
+        below &= along < -slack
+    return above or below
+
+
+@kernel(inline="always")
+def _occludes(scene: Scene, facets: Facets, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
+    """The side of triangle t on which a part of the cell lies, 0 where it may not occlude; whole: all of the cell."""
+    drawable = scene.triangle_drawable[t]
+    if not facets.active[drawable]:
+        return 0
+    side = facets.side[t]
+    if side == 0 and not whole:
+        side = side_of(scene.vertices, scene.triangles, t, centre, half)
+    if side < 0 and scene.one_sided[drawable]:
+        return 0
+    return side
+
+
+@kernel()
+def _closes(
+    scene: Scene, facets: Facets, scratch: Scratch, seed: int, epoch: int, whole: bool, count: int
+) -> float:  # fmt: skip
+    """Whether the set that is flooded from a triangle closes the shaft in `scratch`, which a segment crosses there.
+
+    epoch: larger than that of all floods before; count: corners of what is looked at.
+
+    Returns:
+        -1 where it does, else where in the shaft (from 0 at U to 1 at V) it stays open.
+    """
+    vertices, triangles, flood, seen = scene.vertices, scene.triangles, scratch.flood, scratch.seen
+    edge_start, edge_uses = facets.edge_start, facets.edge_uses
+    flood[0] = seed
+    seen[seed] = epoch
+    size, head = 1, 0
+    while head < size:
+        t = flood[head]
+        head += 1
+        if not _apart(vertices, triangles, t, scratch.corners, count, scratch.u):
+            return 0.0
+        side = _occludes(scene, facets, t, whole, scratch.centre, scratch.half)
+        for i in range(3):
+            a, b = triangles[t, i], triangles[t, (i + 1) % 3]
+            at = edge_meets(vertices[a], vertices[b], scratch.low, scratch.high)
+            if at < 0.0:
+                continue
+            mine = side if a < b else -side
+            e = facets.triangle_edges[t, i]
+            partner = -1
+            for j in range(edge_start[e], edge_start[e + 1]):
+                other = edge_uses[j] >> 1
+                if other == t:
+                    continue
+                its = _occludes(scene, facets, other, whole, scratch.centre, scratch.half)
+                if its != 0 and (-its if edge_uses[j] & 1 else its) == -mine:
+                    partner = other
+                    if seen[other] == epoch:
+                        break
+            if partner < 0:
+                return at
+            if seen[partner] != epoch:
+                if size == LARGEST_SET:
+                    return at
+                flood[size] = partner
+                seen[partner] = epoch
+                size += 1
+    return -1.0
+
+
+@kernel()
+def _span(scratch: Scratch, count: int) -> None:
+    """Work out the box of the `count` corners of what is looked at, and the shaft's bounds; v is known."""
+    for k in range(3):
+        least, most = np.inf, -np.inf
+        for c in range(count):
+            least = min(least, scratch.corners[c, k])
+            most = max(most, scratch.corners[c, k])
+        scratch.u[0, k], scratch.u[1, k] = least - GROWN, most + GROWN
+        scratch.low[0, k] = scratch.u[0, k]
+        scratch.low[1, k] = scratch.v[0, k] - GROWN - scratch.u[0, k]
+        scratch.high[0, k] = scratch.u[1, k]
+        scratch.high[1, k] = scratch.v[1, k] + GROWN - scratch.u[1, k]
+        scratch.centre[k] = 0.5 * (scratch.v[0, k] + scratch.v[1, k])
+        scratch.half[k] = 0.5 * (scratch.v[1, k] - scratch.v[0, k]) * (1.0 + 1e-9) + GROWN
+
+
+@kernel()
+def _decide(
+    scene: Scene, standing: np.ndarray, facets: Facets, scratch: Scratch, drawable: int, t: int, weight: float,
+    whole: bool, count: int, from_corner: int, hint: int, epoch: int,
+) -> tuple[int, int, int, float]:  # fmt: skip
+    """What becomes of the shaft from scratch.v to the hull of the first `count` of scratch.corners.
+
+    Args:
+        standing: (drawables,) bool what is reported: it alone can stand before what is seen.
+        t: the triangle of `drawable` of which the corners are a part, or -1 where they are those of a box.
+        weight: the least weight that the part's middle has among the corners of the triangle.
+        whole: whether V is the whole cell.
+        from_corner: of V, 0 to 7, that a segment starts from.
+        hint: a triangle to try first, or -1; epoch: of the last flood.
+
+    Returns:
+        (OPEN, CLOSED or SEEN; the triangle to try first next time; the epoch of the last flood; where the shaft is
+        open, from 0 at U to 1 at V, -1 where nobody knows).
+    """
+    _span(scratch, count)
+    if scene.one_sided[drawable] and side_of(scene.vertices, scene.triangles, t, scratch.centre, scratch.half) < 0:
+        return CLOSED, hint, epoch, 0.0
+    o, d, v = scratch.o, scratch.d, scratch.v
+    reach = 0.0
+    for k in range(3):
+        part = 1.0 - 0.5 * INSET if from_corner >> k & 1 else 0.5 * INSET
+        o[k] = v[0, k] + (v[1, k] - v[0, k]) * part
+        middle = 0.0
+        for c in range(count):
+            middle += scratch.corners[c, k]
+        d[k] = middle / count - o[k]
+        reach = max(reach, abs(scratch.u[0, k] - o[k]), abs(scratch.u[1, k] - o[k]))
+    begin, where = epoch, -1.0
+    if (
+        hint >= 0
+        and abs(meets(scene.vertices, scene.triangles, hint, o, d, reach)) == SURELY
+        and _occludes(scene, facets, hint, whole, scratch.centre, scratch.half) != 0
+    ):
+        epoch += 1
+        where = _closes(scene, facets, scratch, hint, epoch, whole, count)
+        if where < 0.0:
+            return CLOSED, hint, epoch, 0.0
+    inverse(d, scratch.work)
+    scratch.stack[0] = 0
+    waiting = min(len(scene.right), 1)
+    free, seeds = t >= 0, 0
+    while True:
+        c, waiting = next_bundle(scene, o, d, scratch.work, 1.0 + SAME, scratch.stack, waiting)
+        if c < 0:
+            break
+        its = scene.triangle_drawable[scene.bundle_start[c]]
+        if not standing[its]:
+            continue
+        for other in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
+            met = meets(scene.vertices, scene.triangles, other, o, d, reach)
+            if met == APART or (met < APART and scene.one_sided[its]):
+                continue
+            free &= its == drawable
+            if (
+                abs(met) == SURELY
+                and scratch.seen[other] <= begin
+                and _occludes(scene, facets, other, whole, scratch.centre, scratch.half) != 0
+            ):
+                epoch += 1
+                place = _closes(scene, facets, scratch, other, epoch, whole, count)
+                if place < 0.0:
+                    return CLOSED, other, epoch, 0.0
+                if where < 0.0:
+                    where = place
+                seeds += 1
+                if seeds == MOST_SEEDS:
+                    return OPEN, hint, epoch, where
+    if free and weight >= LEAST_WEIGHT:
+        ahead, slack = facing(scene, t, o, reach)
+        if abs(ahead) > slack and not (ahead > 0 and scene.one_sided[drawable]):
+            return SEEN, hint, epoch, 0.0
+    return OPEN, hint, epoch, where
+
+
+@kernel()
+def _place_part(scene: Scene, t: int, weights: np.ndarray, scratch: Scratch) -> float:
+    """Put the corners of a part of triangle t into scratch.corners; returns the least weight of its middle.
+
+    weights: (6,) float64 the weights of the triangle's first two corners at the part's three corners.
+    """
+    middle_a, middle_b = 0.0, 0.0
+    for c in range(3):
+        wa, wb = weights[2 * c], weights[2 * c + 1]
+        middle_a += wa / 3.0
+        middle_b += wb / 3.0
+        for k in range(3):
+            scratch.corners[c, k] = (
+                wa * scene.vertices[scene.triangles[t, 0], k]
+                + wb * scene.vertices[scene.triangles[t, 1], k]
+                + (1.0 - wa - wb) * scene.vertices[scene.triangles[t, 2], k]
+            )
+    return min(middle_a, middle_b, 1.0 - middle_a - middle_b)
+
+
+@kernel()
+def _halve(
+    v: np.ndarray, weights: np.ndarray, scratch: Scratch, where: float, other_v: np.ndarray, other_weights: np.ndarray
+) -> bool:
+    """Cut the larger of a part of the cell and a part of a triangle in two, in place; the second half goes to other_*.
+
+    v, other_v: (6,) float64 boxes, lower corner first; weights, other_weights: (6,) float64, see `_place_part`, whose
+    corners are still in `scratch`. Returns whether it was the part of the cell.
+    """
+    axis, wide = 0, -1.0
+    for k in range(3):
+        if v[3 + k] - v[k] > wide:
+            axis, wide = k, v[3 + k] - v[k]
+    edge, long = 0, -1.0
+    for c in range(3):
+        length = 0.0
+        for k in range(3):
+            length += (scratch.corners[c, k] - scratch.corners[(c + 1) % 3, k]) ** 2
+        if length > long:
+            edge, long = c, length
+    for k in range(6):
+        other_v[k], other_weights[k] = v[k], weights[k]
+    if where >= 0.0:
+        wide *= where
+        long *= (1.0 - where) ** 2
+    if long > wide * wide:
+        a, b = edge, (edge + 1) % 3
+        for k in range(2):
+            middle = 0.5 * (weights[2 * a + k] + weights[2 * b + k])
+            weights[2 * b + k] = middle
+            other_weights[2 * a + k] = middle
+        return False
+    middle = 0.5 * (v[axis] + v[3 + axis])
+    v[3 + axis] = middle
+    other_v[axis] = middle
+    return True
+
+
+@allocating_kernel()
+def decide(
+    scene: Scene, standing: np.ndarray, facets: Facets, chosen: np.ndarray, first_cluster: np.ndarray,
+    cluster_start: np.ndarray, lo: np.ndarray, hi: np.ndarray, q: np.ndarray, q_lo: np.ndarray, q_hi: np.ndarray,
+    layers: np.ndarray, most: int, at_one: int, hidden: np.ndarray, proven: np.ndarray,
+) -> int:  # fmt: skip
+    """Decide of drawables that images leave undecided whether they are hidden or seen.
+
+    Args:
+        standing: (drawables,) bool what is reported.
+        chosen: (c,) int64 drawables to decide, in the order in which they may use up the time.
+        first_cluster: (drawables + 1,) int32 offsets into the clusters; cluster_start: (k + 1,) int32 into the triangles.
+        lo, hi: (3,) float64 the cell, grid units.
+        q: (n, 3) float64 vertices, q_lo, q_hi: (k, 3) float64 the clusters' boxes, in cell coordinates.
+        layers: see `occludees`: parts that these hide are not looked at again.
+        most: shafts in all; at_one: at one drawable, besides one for each of its triangles.
+        hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
+
+    Returns:
+        The shafts that were looked at.
+    """
+    m = len(scene.triangles)
+    scratch = Scratch(
+        np.zeros(m, np.int64), np.empty(LARGEST_SET, np.int32), np.empty(STACK, np.int32), np.empty((2, 3)),
+        np.empty((2, 3)), np.empty((8, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(3), np.empty(3), np.empty(3),
+        np.empty(3), np.empty(3),
+    )  # fmt: skip
+    polygon = np.empty((4, 2), np.float64)
+    part_v, part_weights = np.empty((QUEUE, 6)), np.empty((QUEUE, 6))
+    part_triangle, part_whole = np.empty(QUEUE, np.int32), np.empty(QUEUE, np.bool_)
+    epoch, shafts, hint = 0, 0, -1
+    for drawable in chosen:
+        left = min(at_one, most - shafts)
+        count, head = 0, 0
+        result = CLOSED
+        for c in range(first_cluster[drawable], first_cluster[drawable + 1]):
+            if box_hidden(q_lo[c], q_hi[c], layers, False):
+                continue
+            for t in range(cluster_start[c], cluster_start[c + 1]):
+                if scene.one_sided[drawable] and facets.side[t] < 0:
+                    continue
+                a, b, corner = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
+                if facets.side[t] == 0 and may_touch(q, a, b, corner):
+                    result = OPEN
+                    break
+                if triangle_hidden(q, a, b, corner, layers, polygon):
+                    continue
+                if count == QUEUE:
+                    result = OPEN
+                    break
+                for k in range(3):
+                    part_v[count, k], part_v[count, 3 + k] = lo[k], hi[k]
+                part_weights[count, 0], part_weights[count, 1] = 1.0, 0.0
+                part_weights[count, 2], part_weights[count, 3] = 0.0, 1.0
+                part_weights[count, 4], part_weights[count, 5] = 0.0, 0.0
+                part_triangle[count], part_whole[count] = t, True
+                count += 1
+            if result == OPEN:
+                break
+        if result == OPEN:
+            continue
+        left += count
+        while head < count:
+            if left <= 0:
+                result = OPEN
+                break
+            left -= 1
+            shafts += 1
+            at = head % QUEUE
+            t = part_triangle[at]
+            for k in range(3):
+                scratch.v[0, k], scratch.v[1, k] = part_v[at, k], part_v[at, 3 + k]
+            weight = _place_part(scene, t, part_weights[at], scratch)
+            found, hint, epoch, where = _decide(
+                scene, standing, facets, scratch, drawable, t, weight, part_whole[at], 3, head & 7, hint, epoch
+            )
+            head += 1
+            if found == SEEN:
+                result = SEEN
+                break
+            if found == CLOSED:
+                continue
+            if count + 2 - head > QUEUE:
+                result = OPEN
+                break
+            first, second = count % QUEUE, (count + 1) % QUEUE
+            for k in range(6):
+                part_v[first, k], part_weights[first, k] = part_v[at, k], part_weights[at, k]
+            whole = part_whole[at]
+            if _halve(part_v[first], part_weights[first], scratch, where, part_v[second], part_weights[second]):
+                whole = False
+            part_triangle[first] = part_triangle[second] = t
+            part_whole[first] = part_whole[second] = whole
+            count += 2
+        if result == CLOSED:
+            hidden[drawable] = True
+        elif result == SEEN:
+            proven[drawable] = True
+    return shafts

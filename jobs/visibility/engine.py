@@ -29,6 +29,9 @@ EYE = 1.0 - aimed_rays.INSET
 #: How the rays that a cell may aim are shared out: what few rays prove leaves more for the rest.
 AIM_SHARES = (0.1, 0.2, 0.7)
 
+#: Where images report this many times the triangles that a cell may have, shafts are not asked.
+HOPELESS = 2
+
 #: What is hidden up to this depth at least, in cell coordinates, is hidden however deep it is.
 FARTHEST = 8.0
 
@@ -38,24 +41,24 @@ class EngineSettings:
     """How hard the engine tries; every setting but `sampled` is safe, they only trade time for tightness."""
 
     method: str = METHODS[0]  # one of jobs.visibility.methods
-    resolution: int = 256  # pixels along the edge of a cube face
-    layers: int = 4  # pairs of depths that a pixel keeps
+    resolution: int = 96  # pixels along the edge of a cube face
+    layers: int = 2  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
     cluster_size: int = 32  # triangles in a cluster: the cores of the floods, the units of the finer tests
     proof_resolution: int = 64  # pixels along the edge of an item buffer's cube face; 0: prove nothing
-    proof_points: int = 4  # corners of the cell from which item buffers are drawn, 8 at most
-    aimed_rays: int = 16_384  # at drawables that item buffers do not prove visible, all together
-    most_aimed_rays: int = 1024  # at one of them
+    proof_points: int = 1  # corners of the cell from which item buffers are drawn, 8 at most
+    aimed_rays: int = 4096  # at drawables that item buffers do not prove visible, all together
+    most_aimed_rays: int = 512  # at one of them
     shafts: int = 20_000  # looked at to decide what is neither proven visible nor hidden, all together
-    most_shafts: int = 500  # at one drawable, besides one for each of its triangles
+    most_shafts: int = 100  # of one drawable, besides one for each of its triangles
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
     sampling_aimed_rays: int = 65_536  # at drawables that these do not meet, all together
     hold_out_rays: int = 10_000  # that measure what a sampled cell misses
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 4
+    version: int = 5
 
     @property
     def image_bytes(self) -> int:
@@ -66,10 +69,16 @@ class EngineSettings:
 
 #: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
 QUALITIES: dict[str, EngineSettings] = {
-    "draft": EngineSettings(resolution=128, layers=2, proof_points=1, aimed_rays=4096, most_aimed_rays=512),
+    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=4000, most_shafts=20),
     "normal": EngineSettings(),
     "high": EngineSettings(
-        resolution=512, proof_resolution=128, proof_points=8, aimed_rays=65_536, most_aimed_rays=4096
+        resolution=256,
+        layers=4,
+        proof_points=4,
+        aimed_rays=16_384,
+        most_aimed_rays=1024,
+        shafts=500_000,
+        most_shafts=5000,
     ),
 }
 
@@ -107,6 +116,7 @@ class Engine:
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
+        self._work = shafts.make_work(len(soup.triangles))
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
@@ -171,16 +181,20 @@ class Engine:
         usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
         cluster_lo = (soup.cluster_lo - centre) / half
         cluster_hi = (soup.cluster_hi - centre) / half
+        decides = self.settings.shafts > 0 and self._shrunk is None
+        most_reported = most_triangles if most_triangles is None or not decides else HOPELESS * most_triangles
         if self._shrunk is not None:
             seen = self._shrunk.find_visible(self._q, side, usable, places, cluster_lo, cluster_hi)
         else:
-            seen = self._find_visible(places, active, usable, cluster_lo, cluster_hi, centre, half, most_triangles)
+            seen = self._find_visible(places, active, usable, cluster_lo, cluster_hi, centre, half, most_reported)
         visible = places[seen]
-        if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
+        if most_reported is not None and soup.triangle_counts[visible].sum() > most_reported:
             return None
         proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
-        if self.settings.shafts and self._shrunk is None:
+        if decides:
             visible, proven = self._decide(lo, hi, active, visible, proven, cluster_lo, cluster_hi)
+            if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
+                return None
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
 
     def _decide(
@@ -200,11 +214,11 @@ class Engine:
         seen[proven] = True
         left = visible[~seen[visible]]
         left = left[np.argsort(-soup.triangle_counts[left], kind="stable")]
-        self.count = shafts.decide(
+        shafts.decide(
             self._scene, standing,
             shafts.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
-            left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi, self._layers,
-            self.settings.shafts, self.settings.most_shafts, hidden, seen,
+            self._work, left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi,
+            self._layers, self.settings.shafts, self.settings.most_shafts, hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 
@@ -286,7 +300,7 @@ class Engine:
         standing = np.zeros(len(soup.drawables), np.bool_)
         standing[visible] = True
         half = 0.5 * (hi - lo)
-        eyes = 0.5 * (lo + hi) + half * EYE * np.array(PROOF_CORNERS[: len(glimpses.triangle)])
+        eyes = 0.5 * (lo + hi) + half * EYE * np.array(PROOF_CORNERS)[: len(glimpses.triangle)]
         aimed_rays.confirm(
             self._scene, standing, visible, eyes, half, glimpses.triangle, glimpses.pixel,
             self.settings.proof_resolution, proven,

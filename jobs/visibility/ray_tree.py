@@ -185,7 +185,7 @@ def next_bundle(
 def meets(vertices: np.ndarray, triangles: np.ndarray, t: int, o: np.ndarray, d: np.ndarray, reach: float) -> int:
     """Whether triangle t stands between o and the point o + d.
 
-    What lies in the very same place as that point does not: of two coincident faces either may be the one that is drawn.
+    What lies in the very same place as that point does not: of coincident faces any may be the one that is drawn.
 
     Args:
         o, d: (3,) float64 grid units; d may be off by float64's rounding of `reach`, the largest coordinate (seen from

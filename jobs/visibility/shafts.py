@@ -40,10 +40,17 @@ from storage.kernels import allocating_kernel, kernel
 GROWN = 2.0**-10
 #: Most triangles in a set that closes a shaft.
 LARGEST_SET = 256
-#: So many triangles that a segment crosses are tried as the first of a set.
-MOST_SEEDS = 6
+#: So many triangles that a segment crosses are tried as the first of a set: of one for a shaft, and of one beside an
+#: edge that is not safe.
+MOST_SEEDS, EDGE_SEEDS = 3, 2
+#: For so many edges of a set that are not safe another set is looked for.
+MOST_BESIDES = 8
+#: So many edges that keep a shaft open are remembered while it is looked at.
+OPEN_EDGES = 8
 #: Shafts that can wait at once.
 QUEUE = 8192
+#: Marks are cleared once so many floods have been counted: they fit int32, whatever a cell adds.
+MOST_EPOCHS = 1 << 30
 #: What becomes of a shaft.
 OPEN, CLOSED, SEEN = 0, 1, 2
 
@@ -58,27 +65,43 @@ class Facets(NamedTuple):
     active: np.ndarray  # (drawables,) bool
 
 
-class Scratch(NamedTuple):
-    """What a cell's shafts are worked out in."""
+class Shaft(NamedTuple):
+    """A shaft, in grid units."""
 
-    seen: np.ndarray  # (m,) int64 the last shaft and seed for which a triangle was taken into a set
-    flood: np.ndarray  # (LARGEST_SET,) int32
-    stack: np.ndarray  # (STACK,) int32
-    v: np.ndarray  # (2, 3) float64 the part of the cell, grid units
-    u: np.ndarray  # (2, 3) float64 the box of the part of the drawable, grid units
-    corners: np.ndarray  # (8, 3) float64 that part's corners, grid units
-    low: np.ndarray  # (2, 3) float64 the shaft's lower bounds: at U, and how they change towards V
-    high: np.ndarray  # (2, 3) float64 its upper bounds
-    centre: np.ndarray  # (3,) float64 of V; half: half its extents, grown
-    half: np.ndarray  # (3,)
-    o: np.ndarray  # (3,) float64
-    d: np.ndarray  # (3,) float64
-    work: np.ndarray  # (3,) float64
+    v: np.ndarray  # (2, 3) float64 the box V
+    u: np.ndarray  # (2, 3) float64 the box U, grown
+    corners: np.ndarray  # (3, 3) float64 what is looked at: U holds their hull
+    low: np.ndarray  # (2, 3) float64 the lower bounds: at U, and how they change from there to V
+    high: np.ndarray  # (2, 3) float64 the upper bounds
+    centre: np.ndarray  # (3,) float64 of V
+    half: np.ndarray  # (3,) float64 half the extents of V, grown
+    o: np.ndarray  # (3,) float64 where a segment through the shaft starts
+    d: np.ndarray  # (3,) float64 where it leads from there
+
+
+class Work(NamedTuple):
+    """What shafts are worked out in. Epochs tell what was marked for which flood; they only grow."""
+
+    epoch: np.ndarray  # (2,) int64 of the last flood of each kind: of whole shafts, and of those of their edges
+    seen: np.ndarray  # (2, m) int32 the epoch of the last flood of each kind that took a triangle in
+    flood: np.ndarray  # (2, LARGEST_SET) int32
+    stack: np.ndarray  # (2, STACK) int32
+    inverse: np.ndarray  # (2, 3) float64
+    open_edge: np.ndarray  # (OPEN_EDGES,) int32 edges of the present shaft that nothing was found beside, in turn; -1
+
+
+def make_work(triangles: int) -> Work:
+    """What shafts among so many triangles are worked out in, for any number of cells."""
+    return Work(
+        np.zeros(2, np.int64), np.zeros((2, triangles), np.int32), np.empty((2, LARGEST_SET), np.int32),
+        np.empty((2, STACK), np.int32), np.empty((2, 3)), np.empty(OPEN_EDGES, np.int32),
+    )  # fmt: skip
 
 
 @kernel()
-def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-    """Where an edge meets a shaft: a, from 0 at U to 1 at V, or -1 where it does not; see the module's docstring.
+def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[float, float]:
+    """Where an edge meets a shaft: the range of a, within 0 (at U) to 1 (at V); empty, the first above the second,
+    where it does not. See the module's docstring.
 
     Args:
         ax, bx: (3,) int32 the ends of the edge, grid units.
@@ -87,7 +110,7 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
     for k in range(3):
         a, b = float(ax[k]), float(bx[k])
         if max(a, b) < low[0, k] + min(low[1, k], 0.0) or min(a, b) > high[0, k] + max(high[1, k], 0.0):
-            return -1.0
+            return 1.0, 0.0
     first, last = 0.0, 1.0
     for i in range(3):
         di = float(bx[i]) - ax[i]
@@ -105,7 +128,7 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
         first, last = _not_above(first, last, p - 1.0, q)
         first, last = _not_above(first, last, -r, -s)
         if first > last:
-            return -1.0
+            return 1.0, 0.0
         for j in range(3):
             dj = float(bx[j]) - ax[j]
             if j == i or dj == 0.0:
@@ -116,7 +139,7 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
             else:
                 r, s = (low[0, j] - ax[j]) / dj, low[1, j] / dj
             first, last = _not_above(first, last, p - r, q - s)
-    return 0.5 * (first + last) if first <= last else -1.0
+    return first, last
 
 
 @kernel(inline="always")
@@ -132,8 +155,27 @@ def _not_above(first: float, last: float, value: float, slope: float) -> tuple[f
 
 
 @kernel()
+def part_within(
+    ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray, first: float, last: float
+) -> tuple[float, float]:
+    """A range of t that holds the part of an edge within a shaft; first, last: the range of a, see `edge_meets`."""
+    t0, t1 = 0.0, 1.0
+    for k in range(3):
+        dk = float(bx[k]) - ax[k]
+        if dk == 0.0:
+            continue
+        least = low[0, k] + min(first * low[1, k], last * low[1, k])
+        most = high[0, k] + max(first * high[1, k], last * high[1, k])
+        if dk > 0.0:
+            t0, t1 = max(t0, (least - ax[k]) / dk), min(t1, (most - ax[k]) / dk)
+        else:
+            t0, t1 = max(t0, (most - ax[k]) / dk), min(t1, (least - ax[k]) / dk)
+    return t0, max(t0, t1)
+
+
+@kernel()
 def _apart(vertices: np.ndarray, triangles: np.ndarray, t: int, corners: np.ndarray, count: int, u: np.ndarray) -> bool:
-    """Whether triangle t surely does not touch the hull of some corners (count of (8, 3) float64); u: (2, 3) their box.
+    """Whether triangle t surely does not touch the hull of some corners (count of (3, 3) float64); u: (2, 3) their box.
 
     They are apart where their boxes are, or where all corners lie on one side of the triangle's plane, by GROWN.
     """
@@ -170,120 +212,265 @@ def _occludes(scene: Scene, facets: Facets, t: int, whole: bool, centre: np.ndar
 
 
 @kernel()
-def _closes(
-    scene: Scene, facets: Facets, scratch: Scratch, seed: int, epoch: int, whole: bool, count: int
-) -> float:  # fmt: skip
-    """Whether the set that is flooded from a triangle closes the shaft in `scratch`, which a segment crosses there.
+def _span(shaft: Shaft, count: int) -> None:
+    """Fill in a shaft of which V and `count` corners are known."""
+    for k in range(3):
+        least, most = np.inf, -np.inf
+        for c in range(count):
+            least = min(least, shaft.corners[c, k])
+            most = max(most, shaft.corners[c, k])
+        shaft.u[0, k], shaft.u[1, k] = least - GROWN, most + GROWN
+        shaft.low[0, k] = shaft.u[0, k]
+        shaft.low[1, k] = shaft.v[0, k] - GROWN - shaft.u[0, k]
+        shaft.high[0, k] = shaft.u[1, k]
+        shaft.high[1, k] = shaft.v[1, k] + GROWN - shaft.u[1, k]
+        shaft.centre[k] = 0.5 * (shaft.v[0, k] + shaft.v[1, k])
+        shaft.half[k] = 0.5 * (shaft.v[1, k] - shaft.v[0, k]) * (1.0 + 1e-9) + GROWN
 
-    epoch: larger than that of all floods before; count: corners of what is looked at.
 
-    Returns:
-        -1 where it does, else where in the shaft (from 0 at U to 1 at V) it stays open.
+@kernel(inline="always")
+def _side(scene: Scene, facets: Facets, t: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool) -> int:
+    """The side of triangle t on which the shaft's V lies, 0 where it may not occlude.
+
+    whole: whether view.v is the whole cell; beyond: whether the shaft is one from an edge on: both must be on one side.
     """
-    vertices, triangles, flood, seen = scene.vertices, scene.triangles, scratch.flood, scratch.seen
-    edge_start, edge_uses = facets.edge_start, facets.edge_uses
+    side = _occludes(scene, facets, t, whole, view.centre, view.half)
+    if beyond and side != 0 and side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) != side:
+        return 0
+    return side
+
+
+@kernel(inline="always")
+def _partner(
+    scene: Scene, facets: Facets, t: int, i: int, side: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool,
+    seen: np.ndarray, epoch: int,
+) -> int:  # fmt: skip
+    """A triangle surely on the other side of edge i of t as seen from V, one of the set where there is one, or -1."""
+    mine = side if scene.triangles[t, i] < scene.triangles[t, (i + 1) % 3] else -side
+    e = facets.triangle_edges[t, i]
+    partner = -1
+    for j in range(facets.edge_start[e], facets.edge_start[e + 1]):
+        other = facets.edge_uses[j] >> 1
+        if other == t:
+            continue
+        its = _side(scene, facets, other, whole, view, shaft, beyond)
+        if its != 0 and (-its if facets.edge_uses[j] & 1 else its) == -mine:
+            partner = other
+            if seen[other] == epoch:
+                break
+    return partner
+
+
+@kernel()
+def _closes_alone(
+    scene: Scene, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, seed: int, whole: bool,
+    beyond: bool,
+) -> int:  # fmt: skip
+    """The size of the set (in work.flood[1]) flooded from a triangle that closes a shaft by itself; 0: it does not.
+
+    Args: as for `_side`; count: corners of what is looked at; seed: a triangle that a segment in the shaft crosses.
+    """
+    flood, seen = work.flood[1], work.seen[1]
+    work.epoch[1] += 1
+    epoch = work.epoch[1]
     flood[0] = seed
     seen[seed] = epoch
     size, head = 1, 0
     while head < size:
         t = flood[head]
         head += 1
-        if not _apart(vertices, triangles, t, scratch.corners, count, scratch.u):
-            return 0.0
-        side = _occludes(scene, facets, t, whole, scratch.centre, scratch.half)
+        if not _apart(scene.vertices, scene.triangles, t, shaft.corners, count, shaft.u):
+            return 0
+        side = _side(scene, facets, t, whole, view, shaft, beyond)
         for i in range(3):
-            a, b = triangles[t, i], triangles[t, (i + 1) % 3]
-            at = edge_meets(vertices[a], vertices[b], scratch.low, scratch.high)
-            if at < 0.0:
+            a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
+            first, last = edge_meets(scene.vertices[a], scene.vertices[b], shaft.low, shaft.high)
+            if first > last:
                 continue
-            mine = side if a < b else -side
-            e = facets.triangle_edges[t, i]
-            partner = -1
-            for j in range(edge_start[e], edge_start[e + 1]):
-                other = edge_uses[j] >> 1
-                if other == t:
-                    continue
-                its = _occludes(scene, facets, other, whole, scratch.centre, scratch.half)
-                if its != 0 and (-its if edge_uses[j] & 1 else its) == -mine:
-                    partner = other
-                    if seen[other] == epoch:
-                        break
-            if partner < 0:
-                return at
+            partner = _partner(scene, facets, t, i, side, whole, view, shaft, beyond, seen, epoch)
+            if partner < 0 or (seen[partner] != epoch and size == LARGEST_SET):
+                return 0
             if seen[partner] != epoch:
-                if size == LARGEST_SET:
-                    return at
                 flood[size] = partner
                 seen[partner] = epoch
                 size += 1
+    return size
+
+
+@kernel()
+def _find_set(
+    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
+    beyond: bool,
+) -> int:  # fmt: skip
+    """The size of a set (in work.flood[1]) that closes a shaft by itself, 0 where none is found: see `_closes_alone`.
+
+    Triangles are tried that the segment from shaft.o along shaft.d crosses.
+    """
+    reach = 0.0
+    for k in range(3):
+        reach = max(reach, abs(shaft.u[0, k] - shaft.o[k]), abs(shaft.u[1, k] - shaft.o[k]))
+    inverse(shaft.d, work.inverse[1])
+    stack = work.stack[1]
+    stack[0] = 0
+    waiting, begin, seeds = 1, work.epoch[1], 0
+    while True:
+        c, waiting = next_bundle(scene, shaft.o, shaft.d, work.inverse[1], 1.0, stack, waiting)
+        if c < 0:
+            return 0
+        if not standing[scene.triangle_drawable[scene.bundle_start[c]]]:
+            continue
+        for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
+            if (
+                work.seen[1, t] <= begin
+                and abs(meets(scene.vertices, scene.triangles, t, shaft.o, shaft.d, reach)) == SURELY
+                and _side(scene, facets, t, whole, view, shaft, beyond) != 0
+            ):
+                size = _closes_alone(scene, facets, work, view, shaft, count, t, whole, beyond)
+                if size:
+                    return size
+                seeds += 1
+                if seeds == EDGE_SEEDS:
+                    return 0
+
+
+@kernel()
+def _set_beside(
+    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, a: int, b: int,
+    first: float, last: float, whole: bool,
+) -> int:  # fmt: skip
+    """The size of a set (in work.flood[1]) that all segments through an edge in a shaft cross besides; 0: none found.
+
+    Args:
+        small: receives the shaft from V to the edge's part in the shaft, or from there to U.
+        a, b: the vertices of the edge; first, last: see `edge_meets`.
+    """
+    t0, t1 = part_within(scene.vertices[a], scene.vertices[b], shaft.low, shaft.high, first, last)
+    for k in range(3):
+        x, y = float(scene.vertices[a, k]), float(scene.vertices[b, k])
+        small.corners[0, k], small.corners[1, k] = x + t0 * (y - x), x + t1 * (y - x)
+        small.v[0, k], small.v[1, k] = shaft.v[0, k], shaft.v[1, k]
+        small.o[k] = shaft.o[k]
+        small.d[k] = 0.5 * (small.corners[0, k] + small.corners[1, k]) - shaft.o[k]
+    _span(small, 2)
+    size = _find_set(scene, standing, facets, work, shaft, small, 2, whole, False)
+    if size:
+        return size
+    for k in range(3):
+        x, y = small.corners[0, k], small.corners[1, k]
+        small.v[0, k], small.v[1, k] = min(x, y), max(x, y)
+        small.o[k] = 0.5 * (x + y)
+    for k in range(3):
+        small.d[k] = shaft.o[k] + shaft.d[k] - small.o[k]
+        for c in range(3):
+            small.corners[c, k] = shaft.corners[c, k]
+    _span(small, 3)
+    return _find_set(scene, standing, facets, work, shaft, small, 3, whole, True)
+
+
+@kernel()
+def _stays_open(
+    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, seed: int, whole: bool
+) -> float:
+    """Where a shaft stays open (a, from 0 at U to 1 at V) when a set is flooded from a triangle; -1: the set closes it.
+
+    Args:
+        small: scratch.
+        seed: a triangle that the segment in the shaft crosses.
+        whole: whether V is the whole cell.
+    """
+    flood, seen = work.flood[0], work.seen[0]
+    work.epoch[0] += 1
+    epoch = work.epoch[0]
+    flood[0] = seed
+    seen[seed] = epoch
+    size, head, besides = 1, 0, 0
+    while head < size:
+        t = flood[head]
+        head += 1
+        if not _apart(scene.vertices, scene.triangles, t, shaft.corners, 3, shaft.u):
+            return 0.0
+        side = _side(scene, facets, t, whole, shaft, shaft, False)
+        for i in range(3):
+            a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
+            first, last = edge_meets(scene.vertices[a], scene.vertices[b], shaft.low, shaft.high)
+            if first > last:
+                continue
+            partner = _partner(scene, facets, t, i, side, whole, shaft, shaft, False, seen, epoch)
+            added = 1
+            if partner >= 0:
+                work.flood[1, 0] = partner
+            elif besides == MOST_BESIDES:
+                return 0.5 * (first + last)
+            else:
+                e = facets.triangle_edges[t, i]
+                known = False
+                for k in range(OPEN_EDGES):
+                    known |= work.open_edge[k] == e
+                if known:
+                    return 0.5 * (first + last)
+                besides += 1
+                added = _set_beside(scene, standing, facets, work, shaft, small, a, b, first, last, whole)
+                if not added:
+                    work.open_edge[e % OPEN_EDGES] = e
+                    return 0.5 * (first + last)
+            for k in range(added):
+                other = work.flood[1, k]
+                if seen[other] != epoch:
+                    if size == LARGEST_SET:
+                        return 0.5 * (first + last)
+                    flood[size] = other
+                    seen[other] = epoch
+                    size += 1
     return -1.0
 
 
 @kernel()
-def _span(scratch: Scratch, count: int) -> None:
-    """Work out the box of the `count` corners of what is looked at, and the shaft's bounds; v is known."""
-    for k in range(3):
-        least, most = np.inf, -np.inf
-        for c in range(count):
-            least = min(least, scratch.corners[c, k])
-            most = max(most, scratch.corners[c, k])
-        scratch.u[0, k], scratch.u[1, k] = least - GROWN, most + GROWN
-        scratch.low[0, k] = scratch.u[0, k]
-        scratch.low[1, k] = scratch.v[0, k] - GROWN - scratch.u[0, k]
-        scratch.high[0, k] = scratch.u[1, k]
-        scratch.high[1, k] = scratch.v[1, k] + GROWN - scratch.u[1, k]
-        scratch.centre[k] = 0.5 * (scratch.v[0, k] + scratch.v[1, k])
-        scratch.half[k] = 0.5 * (scratch.v[1, k] - scratch.v[0, k]) * (1.0 + 1e-9) + GROWN
-
-
-@kernel()
 def _decide(
-    scene: Scene, standing: np.ndarray, facets: Facets, scratch: Scratch, drawable: int, t: int, weight: float,
-    whole: bool, count: int, from_corner: int, hint: int, epoch: int,
-) -> tuple[int, int, int, float]:  # fmt: skip
-    """What becomes of the shaft from scratch.v to the hull of the first `count` of scratch.corners.
+    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, drawable: int, t: int,
+    weight: float, whole: bool, from_corner: int, hint: int,
+) -> tuple[int, int, float]:  # fmt: skip
+    """What becomes of the shaft from shaft.v to the hull of shaft.corners.
 
     Args:
         standing: (drawables,) bool what is reported: it alone can stand before what is seen.
-        t: the triangle of `drawable` of which the corners are a part, or -1 where they are those of a box.
+        small: scratch.
+        t: the triangle of `drawable` of which the corners are a part.
         weight: the least weight that the part's middle has among the corners of the triangle.
         whole: whether V is the whole cell.
         from_corner: of V, 0 to 7, that a segment starts from.
-        hint: a triangle to try first, or -1; epoch: of the last flood.
+        hint: a triangle to try first, or -1.
 
     Returns:
-        (OPEN, CLOSED or SEEN; the triangle to try first next time; the epoch of the last flood; where the shaft is
-        open, from 0 at U to 1 at V, -1 where nobody knows).
+        (OPEN, CLOSED or SEEN; the triangle to try first next time; where the shaft is open, from 0 at U to 1 at V, -1
+        where nobody knows).
     """
-    _span(scratch, count)
-    if scene.one_sided[drawable] and side_of(scene.vertices, scene.triangles, t, scratch.centre, scratch.half) < 0:
-        return CLOSED, hint, epoch, 0.0
-    o, d, v = scratch.o, scratch.d, scratch.v
+    _span(shaft, 3)
+    if scene.one_sided[drawable] and side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0:
+        return CLOSED, hint, 0.0
+    o, d = shaft.o, shaft.d
     reach = 0.0
     for k in range(3):
         part = 1.0 - 0.5 * INSET if from_corner >> k & 1 else 0.5 * INSET
-        o[k] = v[0, k] + (v[1, k] - v[0, k]) * part
-        middle = 0.0
-        for c in range(count):
-            middle += scratch.corners[c, k]
-        d[k] = middle / count - o[k]
-        reach = max(reach, abs(scratch.u[0, k] - o[k]), abs(scratch.u[1, k] - o[k]))
-    begin, where = epoch, -1.0
+        o[k] = shaft.v[0, k] + (shaft.v[1, k] - shaft.v[0, k]) * part
+        d[k] = (shaft.corners[0, k] + shaft.corners[1, k] + shaft.corners[2, k]) / 3.0 - o[k]
+        reach = max(reach, abs(shaft.u[0, k] - o[k]), abs(shaft.u[1, k] - o[k]))
+    begin, where = work.epoch[0], -1.0
+    for k in range(OPEN_EDGES):
+        work.open_edge[k] = -1
     if (
         hint >= 0
         and abs(meets(scene.vertices, scene.triangles, hint, o, d, reach)) == SURELY
-        and _occludes(scene, facets, hint, whole, scratch.centre, scratch.half) != 0
+        and _side(scene, facets, hint, whole, shaft, shaft, False) != 0
     ):
-        epoch += 1
-        where = _closes(scene, facets, scratch, hint, epoch, whole, count)
+        where = _stays_open(scene, standing, facets, work, shaft, small, hint, whole)
         if where < 0.0:
-            return CLOSED, hint, epoch, 0.0
-    inverse(d, scratch.work)
-    scratch.stack[0] = 0
-    waiting = min(len(scene.right), 1)
-    free, seeds = t >= 0, 0
+            return CLOSED, hint, 0.0
+    inverse(d, work.inverse[0])
+    stack = work.stack[0]
+    stack[0] = 0
+    waiting, free, seeds = 1, True, 0
     while True:
-        c, waiting = next_bundle(scene, o, d, scratch.work, 1.0 + SAME, scratch.stack, waiting)
+        c, waiting = next_bundle(scene, o, d, work.inverse[0], 1.0 + SAME, stack, waiting)
         if c < 0:
             break
         its = scene.triangle_drawable[scene.bundle_start[c]]
@@ -296,28 +483,27 @@ def _decide(
             free &= its == drawable
             if (
                 abs(met) == SURELY
-                and scratch.seen[other] <= begin
-                and _occludes(scene, facets, other, whole, scratch.centre, scratch.half) != 0
+                and work.seen[0, other] <= begin
+                and _side(scene, facets, other, whole, shaft, shaft, False) != 0
             ):
-                epoch += 1
-                place = _closes(scene, facets, scratch, other, epoch, whole, count)
+                place = _stays_open(scene, standing, facets, work, shaft, small, other, whole)
                 if place < 0.0:
-                    return CLOSED, other, epoch, 0.0
+                    return CLOSED, other, 0.0
                 if where < 0.0:
                     where = place
                 seeds += 1
                 if seeds == MOST_SEEDS:
-                    return OPEN, hint, epoch, where
+                    return OPEN, hint, where
     if free and weight >= LEAST_WEIGHT:
         ahead, slack = facing(scene, t, o, reach)
         if abs(ahead) > slack and not (ahead > 0 and scene.one_sided[drawable]):
-            return SEEN, hint, epoch, 0.0
-    return OPEN, hint, epoch, where
+            return SEEN, hint, 0.0
+    return OPEN, hint, where
 
 
 @kernel()
-def _place_part(scene: Scene, t: int, weights: np.ndarray, scratch: Scratch) -> float:
-    """Put the corners of a part of triangle t into scratch.corners; returns the least weight of its middle.
+def _place_part(scene: Scene, t: int, weights: np.ndarray, shaft: Shaft) -> float:
+    """Put the corners of a part of triangle t into shaft.corners; returns the least weight of its middle.
 
     weights: (6,) float64 the weights of the triangle's first two corners at the part's three corners.
     """
@@ -327,7 +513,7 @@ def _place_part(scene: Scene, t: int, weights: np.ndarray, scratch: Scratch) -> 
         middle_a += wa / 3.0
         middle_b += wb / 3.0
         for k in range(3):
-            scratch.corners[c, k] = (
+            shaft.corners[c, k] = (
                 wa * scene.vertices[scene.triangles[t, 0], k]
                 + wb * scene.vertices[scene.triangles[t, 1], k]
                 + (1.0 - wa - wb) * scene.vertices[scene.triangles[t, 2], k]
@@ -337,12 +523,12 @@ def _place_part(scene: Scene, t: int, weights: np.ndarray, scratch: Scratch) -> 
 
 @kernel()
 def _halve(
-    v: np.ndarray, weights: np.ndarray, scratch: Scratch, where: float, other_v: np.ndarray, other_weights: np.ndarray
+    v: np.ndarray, weights: np.ndarray, shaft: Shaft, where: float, other_v: np.ndarray, other_weights: np.ndarray
 ) -> bool:
     """Cut the larger of a part of the cell and a part of a triangle in two, in place; the second half goes to other_*.
 
     v, other_v: (6,) float64 boxes, lower corner first; weights, other_weights: (6,) float64, see `_place_part`, whose
-    corners are still in `scratch`. Returns whether it was the part of the cell.
+    corners are still in `shaft`. Returns whether it was the part of the cell.
     """
     axis, wide = 0, -1.0
     for k in range(3):
@@ -352,7 +538,7 @@ def _halve(
     for c in range(3):
         length = 0.0
         for k in range(3):
-            length += (scratch.corners[c, k] - scratch.corners[(c + 1) % 3, k]) ** 2
+            length += (shaft.corners[c, k] - shaft.corners[(c + 1) % 3, k]) ** 2
         if length > long:
             edge, long = c, length
     for k in range(6):
@@ -375,7 +561,7 @@ def _halve(
 
 @allocating_kernel()
 def decide(
-    scene: Scene, standing: np.ndarray, facets: Facets, chosen: np.ndarray, first_cluster: np.ndarray,
+    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, chosen: np.ndarray, first_cluster: np.ndarray,
     cluster_start: np.ndarray, lo: np.ndarray, hi: np.ndarray, q: np.ndarray, q_lo: np.ndarray, q_hi: np.ndarray,
     layers: np.ndarray, most: int, at_one: int, hidden: np.ndarray, proven: np.ndarray,
 ) -> int:  # fmt: skip
@@ -383,8 +569,10 @@ def decide(
 
     Args:
         standing: (drawables,) bool what is reported.
+        work: see `make_work`.
         chosen: (c,) int64 drawables to decide, in the order in which they may use up the time.
-        first_cluster: (drawables + 1,) int32 offsets into the clusters; cluster_start: (k + 1,) int32 into the triangles.
+        first_cluster: (drawables + 1,) int32 offsets into the clusters.
+        cluster_start: (k + 1,) int32 offsets of the clusters into the triangles.
         lo, hi: (3,) float64 the cell, grid units.
         q: (n, 3) float64 vertices, q_lo, q_hi: (k, 3) float64 the clusters' boxes, in cell coordinates.
         layers: see `occludees`: parts that these hide are not looked at again.
@@ -394,16 +582,21 @@ def decide(
     Returns:
         The shafts that were looked at.
     """
-    m = len(scene.triangles)
-    scratch = Scratch(
-        np.zeros(m, np.int64), np.empty(LARGEST_SET, np.int32), np.empty(STACK, np.int32), np.empty((2, 3)),
-        np.empty((2, 3)), np.empty((8, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(3), np.empty(3), np.empty(3),
-        np.empty(3), np.empty(3),
+    shaft = Shaft(
+        np.empty((2, 3)), np.empty((2, 3)), np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(3),
+        np.empty(3), np.empty(3), np.empty(3),
     )  # fmt: skip
+    small = Shaft(
+        np.empty((2, 3)), np.empty((2, 3)), np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(3),
+        np.empty(3), np.empty(3), np.empty(3),
+    )  # fmt: skip
+    if work.epoch.max() > MOST_EPOCHS:
+        work.epoch[:] = 0
+        work.seen[:] = 0
     polygon = np.empty((4, 2), np.float64)
     part_v, part_weights = np.empty((QUEUE, 6)), np.empty((QUEUE, 6))
     part_triangle, part_whole = np.empty(QUEUE, np.int32), np.empty(QUEUE, np.bool_)
-    epoch, shafts, hint = 0, 0, -1
+    shafts, hint = 0, -1
     for drawable in chosen:
         left = min(at_one, most - shafts)
         count, head = 0, 0
@@ -444,10 +637,10 @@ def decide(
             at = head % QUEUE
             t = part_triangle[at]
             for k in range(3):
-                scratch.v[0, k], scratch.v[1, k] = part_v[at, k], part_v[at, 3 + k]
-            weight = _place_part(scene, t, part_weights[at], scratch)
-            found, hint, epoch, where = _decide(
-                scene, standing, facets, scratch, drawable, t, weight, part_whole[at], 3, head & 7, hint, epoch
+                shaft.v[0, k], shaft.v[1, k] = part_v[at, k], part_v[at, 3 + k]
+            weight = _place_part(scene, t, part_weights[at], shaft)
+            found, hint, where = _decide(
+                scene, standing, facets, work, shaft, small, drawable, t, weight, part_whole[at], head & 7, hint
             )
             head += 1
             if found == SEEN:
@@ -462,7 +655,7 @@ def decide(
             for k in range(6):
                 part_v[first, k], part_weights[first, k] = part_v[at, k], part_weights[at, k]
             whole = part_whole[at]
-            if _halve(part_v[first], part_weights[first], scratch, where, part_v[second], part_weights[second]):
+            if _halve(part_v[first], part_weights[first], shaft, where, part_v[second], part_weights[second]):
                 whole = False
             part_triangle[first] = part_triangle[second] = t
             part_whole[first] = part_whole[second] = whole

@@ -15,6 +15,8 @@ from .scenes import Mesh, box, rooms, sheet, soup_of
 SHAPES = ((0.02, 0.02, 0.02), (0.2, 0.02, 0.002), (0.003, 0.003, 0.3), (0.1, 0.1, 0.1), (0.001, 0.001, 0.001))
 #: The largest coordinate of the grid.
 LARGEST = 1 << 23
+#: No core's window is as large: shafts decide everything.
+NO_IMAGES = 1 << 30
 #: Rays at each thing that peeps past an edge.
 AIMED = 8
 
@@ -60,9 +62,9 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
     peeping, eyes = _peeping(rng, meshes, lo, hi, 100 if kind == "screens" else int(rng.choice([0, 0, 10])))
     settings = EngineSettings(
         resolution=int(rng.choice([16, 128, 256, 256, 256, 512] if kind == "screens" else [16, 64, 64, 256])),
-        proof_resolution=32, smallest_window=int(rng.choice([1, 16])), layers=int(rng.choice([1, 2, 4])),
+        proof_resolution=32, smallest_window=int(rng.choice([1, 16, NO_IMAGES])), layers=int(rng.choice([1, 2, 4])),
         largest_flooded_set=int(rng.choice([4, 64, 2048])),
-        shafts=int(rng.choice([0, 2000, 20_000])), most_shafts=int(rng.choice([10, 100, 1000])),
+        shafts=int(rng.choice([0, 20_000, 20_000])), most_shafts=int(rng.choice([10, 100, 1000])),
     )  # fmt: skip
     return Attack(
         meshes + peeping, lo, hi, bool(rng.random() < 0.4), int(rng.choice([1, 3, 32])), settings, len(meshes), eyes

@@ -5,23 +5,33 @@ a ray through it proves that the drawable is seen, or a set of triangles is foun
 cut in two and both halves are looked at, as long as there is time. There are no pixels here: neither a pixel's width
 nor the depths within it blur what is hidden, and parts of the cell may be hidden from by different occluders.
 
-**When a set S closes a shaft, and why.** Let no triangle of S touch V, or U. S closes the shaft if some segment from V
-to U crosses a triangle of S, and each edge of S that meets the shaft has two triangles in S that lie strictly on
-opposite sides of it as seen from all of V (it is *safe*, see `occluders`). Then no point of U is seen from V. *Proof.*
-Move the segment's two ends, the one within V and the other within U, to any two points of these; the segment stays in
-the shaft, which is convex. The number of triangles of S that it crosses changes only where it passes an edge, since its
-ends never touch S. Past a safe edge it meets one of the two opposite triangles (its end lies beyond the edge, or the
-edge would touch U). So the number stays at least 1. (Passing through a vertex is avoided by moving the ends a little.)
+**When a set S closes a shaft, and why.** Let no triangle of S touch V or U, let some segment from V to U cross a
+triangle of S, and let each edge of S that meets the shaft be of one of two kinds:
 
-S is flooded from a triangle that a segment surely crosses, over the edges that meet the shaft.
+1. *safe*: two triangles of S lie strictly on opposite sides of it as seen from all of V (see `occluders`);
+2. *looked past in vain*: every segment from V to U through the edge crosses S elsewhere, at triangles that do not touch
+   the edge's part in the shaft.
+
+Then no point of U is seen from V. *Proof.* Move the segment's two ends, the one within V and the other within U, to any
+two points of these; the segment stays in the shaft, which is convex. The number of triangles of S that it crosses
+changes only where it passes an edge, since its ends never touch S. Past a safe edge it meets one of the two opposite
+triangles (it goes on beyond the edge, or the edge would touch U); past one of the second kind it crosses S elsewhere,
+before and after. So the number stays at least 1. (Passing through a vertex is avoided by moving the ends a little.)
+
+S is flooded from a triangle that a segment surely crosses, over the edges that meet the shaft. Where an edge is not
+safe, a set S' is looked for of which all edges are, and that closes the shaft from V to the edge's part in the shaft,
+or the one from that part to U; the first kind alone proves that. Then all segments through the edge cross S', the edge
+is of the second kind, and S' becomes part of S, with edges in the whole shaft that must be of one of the two kinds in
+their turn. So two screens that overlap hide together what neither hides alone, and a wall's opening is no silhouette
+behind the frame in it.
 
 **An edge and a shaft.** The hull of two boxes is the union of the boxes a V + (1 - a) U over 0 <= a <= 1. So a point
 A + t (B - A) of an edge lies in it if and only if six inequalities hold that are linear in a and t; whether any a and t
 fulfil them is decided by eliminating t (Fourier and Motzkin) and clipping the range of a.
 
-Based on: shafts between boxes, E. Haines, J. Wallace: Shaft Culling for Efficient Ray-Traced Radiosity, Eurographics
-Workshop on Rendering 1991; subdivision of the cell and of what is looked at until decided, as in hierarchical
-radiosity, P. Hanrahan, D. Salzman, L. Aupperle, SIGGRAPH 1991.
+Based on: the count of what a moving segment crosses, as in `occluders`; shafts between boxes, E. Haines, J. Wallace:
+Shaft Culling for Efficient Ray-Traced Radiosity, Eurographics Workshop on Rendering 1991; subdivision of the cell and
+of what is looked at until decided, as in hierarchical radiosity, P. Hanrahan, D. Salzman, L. Aupperle, SIGGRAPH 1991.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """How tight and how fast from-region visibility is: cells around persons in rooms, against many rays.
 
     python tests/benchmarks/measure_visibility.py MODEL[@METRES] ... [--sizes 0.25 0.5 1] [--cells 50] [--json OUT.json]
+    python tests/benchmarks/measure_visibility.py MODEL ... --anywhere [--sizes 0.001 0.005 0.02] [--cells 34]
 
 A MODEL is a demo scene with its number of triangles (offices:1000000) or a file below VLOD_MODELS, with the length of
 its unit in metres where that is not one. Cells are cubes around the eyes of persons that stand on floors below
@@ -8,6 +9,8 @@ ceilings; what is seen is the model at its finest, so the figures tell of visibi
 a cell, two thirds of them at drawables that were not seen before; what it finds is added to what it found in earlier
 runs on the same cells, so that the truth is approached from below. Tightness: triangles of the drawables that are
 reported over those of the drawables that were seen, all cells together.
+
+With --anywhere cells lie anywhere in the model's box, in walls and outdoors too; sizes are parts of its longest edge.
 """
 
 from __future__ import annotations
@@ -102,6 +105,16 @@ class Case:
                 return np.array(found[:count])
         raise SystemExit(f"{self.name}: only {len(found)} of {count} persons found a room; is its unit right?")
 
+    def places(self, count: int) -> np.ndarray:
+        """(count, 3) points anywhere in the model's box."""
+        lo, hi = self.triangles.min(axis=(0, 1)).astype(np.float64), self.triangles.max(axis=(0, 1)).astype(np.float64)
+        return lo + np.random.default_rng(2).random((count, 3)) * (hi - lo)
+
+    @property
+    def longest(self) -> float:
+        """The longest edge of the model's box, in metres."""
+        return float(np.ptp(self.triangles, axis=(0, 1)).max()) * self.unit
+
     def measure(self, size: float, eyes: np.ndarray, rays: int, settings: EngineSettings) -> Finding:
         """Cells of `size` metres around eyes (n, 3)."""
         engine = Engine(self.soup, settings)
@@ -156,7 +169,8 @@ def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="+")
-    parser.add_argument("--sizes", nargs="+", type=float, default=[0.25, 0.5, 1.0])
+    parser.add_argument("--sizes", nargs="+", type=float)
+    parser.add_argument("--anywhere", action="store_true", help="cells anywhere in the model's box")
     parser.add_argument("--cells", type=int, default=50)
     parser.add_argument("--rays", type=int, default=100_000)
     parser.add_argument("--work", type=Path, default=Path("build/visibility"))
@@ -172,9 +186,9 @@ def main() -> None:
     print("model, triangles | cell | tightness: triangles, drawables, proven | ms: median, mean, worst | seen | missed")
     for name in arguments.models:
         case = Case(name, arguments.work)
-        eyes = case.persons(arguments.cells)
-        for size in arguments.sizes:
-            row = case.measure(size, eyes, arguments.rays, settings)
+        eyes = case.places(arguments.cells) if arguments.anywhere else case.persons(arguments.cells)
+        for size in arguments.sizes or ((0.001, 0.005, 0.02) if arguments.anywhere else (0.25, 0.5, 1.0)):
+            row = case.measure(size * case.longest if arguments.anywhere else size, eyes, arguments.rays, settings)
             rows.append(asdict(row))
             print(
                 f"{row.model}, {row.triangles:,} | {row.size:g} m | "

@@ -36,14 +36,17 @@ class Attack(NamedTuple):
 
 def nasty_scene(rng: np.random.Generator) -> Attack:
     """A scene of one of several kinds, anywhere on the grid, with a cell whose faces often touch or cut something."""
-    kind = rng.choice(["pile", "pile", "planks", "rooms", "voxels", "shutters", "screens", "screens"])
+    kind = rng.choice(["pile", "pile", "planks", "rooms", "voxels", "shutters", "screens", "screens", "overlaps"])
     size = 12_000 if kind == "rooms" else int(rng.choice([40, 300, 3000, 100_000]))
     low, high = (-size, size) if kind != "rooms" else (200, size - 200)
     centre = rng.integers(low, high, 3, endpoint=True).astype(np.float64) * rng.choice([0.2, 0.7])
     half = np.maximum(np.array(SHAPES[rng.integers(len(SHAPES))])[rng.permutation(3)] * size, 0.5)
-    if kind == "screens":
+    if kind in {"screens", "overlaps"}:
         half = np.maximum(half, 50)
+    if kind == "screens":
         meshes = _screens(rng, centre, half)
+    elif kind == "overlaps":
+        meshes = _overlaps(rng, centre, half)
     elif kind == "rooms":
         meshes = rooms(rng, 3)
     else:
@@ -59,7 +62,9 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         shift = rng.integers(-(LARGEST - reach), LARGEST - reach, 3).astype(np.int32)
         meshes = [((points + shift).astype(np.int32), triangles) for points, triangles in meshes]
         lo, hi = lo + shift, hi + shift
-    peeping, eyes = _peeping(rng, meshes, lo, hi, 100 if kind == "screens" else int(rng.choice([0, 0, 10])))
+    peeping, eyes = _peeping(
+        rng, meshes, lo, hi, {"screens": 100, "overlaps": 20}.get(kind, int(rng.choice([0, 0, 10])))
+    )
     settings = EngineSettings(
         resolution=int(rng.choice([16, 128, 256, 256, 256, 512] if kind == "screens" else [16, 64, 64, 256])),
         proof_resolution=32, smallest_window=int(rng.choice([1, 16, NO_IMAGES])), layers=int(rng.choice([1, 2, 4])),
@@ -198,7 +203,7 @@ def _screens(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) -> 
     Their silhouettes are inflated over many of their own triangles, so that sets must be flooded far to meet them.
     """
     meshes: list[Mesh] = []
-    for _ in range(int(rng.choice([1, 1, 2, 3]))):
+    while not meshes or rng.random() < 0.4:
         cells = int(rng.choice([2, 10, 24]))
         depth = 1 + float(np.exp(rng.uniform(np.log(0.01), np.log(11))))
         axis = int(rng.integers(3))
@@ -217,6 +222,36 @@ def _screens(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) -> 
         for piece in np.unique(pieces):
             triangles = np.concatenate([one[pieces == piece], two[pieces == piece]])
             meshes.append((points, triangles[:, ::-1] if rng.random() < 0.5 else triangles))
+    return meshes
+
+
+def _overlaps(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) -> list[Mesh]:
+    """A few rectangles and folded strips one behind the other, whose edges cross the same lines of sight.
+
+    Each hides part of what can be seen past the others' edges: what is hidden is hidden by several together.
+    """
+    meshes: list[Mesh] = []
+    axis, sign = int(rng.integers(3)), int(rng.choice([-1, 1]))
+    middle = rng.uniform(-0.3, 0.3, 2)  # where the lines of sight lead, as slopes
+    depth = 1.0
+    for _ in range(int(rng.integers(2, 6))):
+        depth += float(np.exp(rng.uniform(np.log(0.02), np.log(3))))
+        width = np.exp(rng.uniform(np.log(0.3), np.log(8), 2)) * rng.choice([1.0, 1.0, 10.0], 2)
+        # one of its edges passes near the middle: by less than the cell is wide
+        side = rng.choice([-1, 1], 2)
+        near = middle * depth + rng.uniform(-1, 1, 2) * rng.choice([0.1, 0.5, 1.0])
+        far = near + side * width
+        near = np.where(rng.random(2) < 0.4, near - side * width, near)  # or that extent spans the middle
+        fold = float(rng.choice([0.0, 0.0, 0.3, -0.3]))
+        corners = np.zeros((6, 3))
+        for row, part in enumerate((0.0, float(rng.uniform(0.1, 0.9)), 1.0)):
+            for column, place in enumerate((near[1], far[1])):
+                at = corners[2 * row + column]
+                at[(axis + 1) % 3], at[(axis + 2) % 3] = near[0] + part * (far[0] - near[0]), place
+                at[axis] = sign * (depth + (fold if row == 1 else 0.0))
+        points = np.rint(centre + half * corners).astype(np.int32)
+        triangles = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4]])
+        meshes.append((points, triangles[:, ::-1] if rng.random() < 0.5 else triangles))
     return meshes
 
 

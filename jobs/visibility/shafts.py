@@ -608,7 +608,6 @@ def decide(
     part_triangle, part_whole = np.empty(QUEUE, np.int32), np.empty(QUEUE, np.bool_)
     shafts, hint = 0, -1
     for drawable in chosen:
-        left = min(at_one, most - shafts)
         count, head = 0, 0
         result = CLOSED
         for c in range(first_cluster[drawable], first_cluster[drawable + 1]):
@@ -637,7 +636,7 @@ def decide(
                 break
         if result == OPEN:
             continue
-        left += count
+        left = min(at_one + count, most - shafts)
         while head < count:
             if left <= 0:
                 result = OPEN

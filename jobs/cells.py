@@ -307,8 +307,7 @@ def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
     rows = store.drawables[ids]
     surfaces = store.surfaces(ids)
     return build_soup(
-        ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
-        surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
+        ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
     )  # fmt: skip
 
 

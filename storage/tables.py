@@ -73,9 +73,7 @@ DRAWABLE = np.dtype(
         ("error", "<f4"),  # two-sided Hausdorff bound to the model's surface, rounded up, quantisation included
         ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
         ("hi", "<f4", (3,)),
-        ("cone_axis", "<f4", (3,)),  # unit axis of a cone that holds every triangle's normal
-        ("cone_angle", "<f4"),  # its half angle in radians, rounded up; pi where there is no useful cone
-        ("one_sided", "?"),  # may be culled where only its back can be seen
+        ("one_sided", "?"),  # only fronts count: see storage.facets
     ]
 )
 

@@ -91,6 +91,7 @@ CELL = np.dtype(
         ("cut_triangles", "<u8"),
         ("drawables", "<u4"),  # drawables reported as visible: the size of the cell's vLOD
         ("triangles", "<u8"),  # triangles reported as visible
+        ("turned_triangles", "<u8"),  # of these, in facets that show the cell only their backs: not drawn
         ("proven_drawables", "<u4"),  # of these, proven visible: a ray from the cell surely meets them first
         ("proven_triangles", "<u8"),
         ("hold_out_rays", "<u4"),  # rays that measured what sampling missed (--sampled); 0: the vLOD misses nothing

@@ -194,6 +194,8 @@ def make_store(
         cell["computed"] = True
         cell["cut_drawables"], cell["cut_triangles"] = len(cut), sizes[cut].sum()
         cell["drawables"], cell["triangles"] = len(ids), sizes[ids].sum()
+        turned = geometry.facets(ids).turned_away(ids, cell["lo"], cell["hi"])
+        cell["turned_triangles"] = turned.triangle_counts.sum()
         cell["proven_drawables"], cell["proven_triangles"] = len(ids), sizes[ids].sum()
         sets.append(ids.astype(np.uint32))
     pairs, _ = neighbours(leaves)

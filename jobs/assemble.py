@@ -1,7 +1,7 @@
 """From levels and their placements to nodes and drawables.
 
 Each placement of a node's levels becomes one node of the store, each level of it one drawable. Everything that a
-drawable claims (box, error, cone) is worked out from the very positions that a store gives out for it: integers on the
+drawable claims (box, error) is worked out from the very positions that a store gives out for it: integers on the
 model's grid.
 """
 
@@ -19,9 +19,6 @@ from storage.tables import DRAWABLE, NODE, Grid
 
 if TYPE_CHECKING:
     from jobs.detail.node import Node
-
-#: Half angles of cones are rounded up to a multiple of this, in radians: far above what differing arccos differ by.
-ANGLE_STEP = 2.0**-12
 
 
 @dataclass(frozen=True)
@@ -82,15 +79,11 @@ def place_node(
     drawables["one_sided"] = np.tile([level.one_sided for level in levels], len(placements))
     errors = np.empty((len(placements), count))
     lo, hi = np.empty((len(placements), count, 3)), np.empty((len(placements), count, 3))
-    axes, angles = np.empty((len(placements), count, 3)), np.empty((len(placements), count))
     for n, placement in enumerate(placements):
         for number, level in enumerate(levels):
-            useful = level.one_sided and level.cone_angle < math.pi
-            lo[n, number], hi[n, number], axes[n, number], cosine = _placed(
-                level.positions, level.triangles, placement.matrix, placement.instance >= 0, made.scale, grid.step,
-                np.asarray(level.cone_axis, np.float64), useful,
-            )  # fmt: skip
-            angles[n, number] = _angle(cosine) if useful else math.pi
+            lo[n, number], hi[n, number] = _placed_box(
+                level.positions, level.triangles, placement.matrix, placement.instance >= 0, made.scale, grid.step
+            )
             error = level.error
             if placement.instance >= 0:
                 error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
@@ -98,8 +91,7 @@ def place_node(
     stored = float32_up(errors)
     for number in range(1, count):  # rounding must not make two levels' errors equal
         stored[:, number] = np.maximum(stored[:, number], np.nextafter(stored[:, number - 1], np.float32(np.inf)))
-    drawables["error"], drawables["cone_angle"] = stored.reshape(-1), angles.reshape(-1)
-    drawables["cone_axis"] = axes.reshape(-1, 3)
+    drawables["error"] = stored.reshape(-1)
     drawables["lo"], drawables["hi"] = float32_down(lo).reshape(-1, 3), float32_up(hi).reshape(-1, 3)
     reach = stored[:, :1].astype(np.float64)
     nodes["first_drawable"] = np.arange(len(placements)) * count
@@ -173,30 +165,14 @@ def float32_down(values: np.ndarray | float) -> np.ndarray:
     return np.where(near > exact, np.nextafter(near, np.float32(-np.inf)), near)
 
 
-def _angle(cosine: float) -> float:
-    """The half angle of a cone, rounded up, from the least cosine between its axis and a normal; pi where infinite."""
-    if not cosine < np.inf:
-        return math.pi
-    angle = math.acos(min(1.0, max(-1.0, cosine)))
-    return min(math.pi, math.ceil((angle + 1e-6) / ANGLE_STEP) * ANGLE_STEP)
-
-
 @allocating_kernel()
-def _placed(
-    positions: np.ndarray,
-    triangles: np.ndarray,
-    matrix: np.ndarray,
-    moved: bool,
-    scale: float,
-    step: float,
-    axis: np.ndarray,
-    cone: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """What a placed mesh claims: box lo, hi (3,), its cone's axis (3,), the least cosine between that and normals.
+def _placed_box(
+    positions: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, moved: bool, scale: float, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The box lo, hi (3,) of a placed mesh.
 
     positions (n, 3) int32 times scale, moved by a matrix (3, 4) if `moved`, lie on the grid of `step` as the store
-    gives them out (storage.tables: `transform_points`, `Grid.snap`). axis (3,): of the mesh's own cone, of float32
-    precision in the result; without `cone` it is left as it is. The cosine is infinite if no triangle has an area.
+    gives them out (storage.tables: `transform_points`, `Grid.snap`).
     """
     n, m = len(positions), len(triangles)
     points = np.empty((n, 3), np.int64)
@@ -215,34 +191,4 @@ def _placed(
             for i in range(3):
                 p = points[triangles[t, e], i] * step
                 lo[i], hi[i] = min(lo[i], p), max(hi[i], p)
-    turned = axis.copy()
-    if not cone:
-        return lo, hi, turned, np.inf
-    sign = 1.0
-    if moved:
-        cofactors = np.empty((3, 3))
-        for i in range(3):
-            for j in range(3):
-                r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-                cofactors[i, j] = matrix[r, t] * matrix[s, u] - matrix[r, u] * matrix[s, t]
-        determinant = (matrix[0, 0] * cofactors[0, 0] + matrix[0, 1] * cofactors[0, 1]) + matrix[0, 2] * cofactors[0, 2]
-        if determinant < 0.0:
-            sign = -1.0
-        for i in range(3):
-            turned[i] = sign * ((cofactors[i, 0] * axis[0] + cofactors[i, 1] * axis[1]) + cofactors[i, 2] * axis[2])
-    length = max(np.sqrt((turned[0] * turned[0] + turned[1] * turned[1]) + turned[2] * turned[2]), 1e-300)
-    for i in range(3):
-        turned[i] = np.float64(np.float32(turned[i] / length))
-    length = np.sqrt((turned[0] * turned[0] + turned[1] * turned[1]) + turned[2] * turned[2])
-    if length == 0.0:
-        return lo, hi, turned, np.inf
-    least = np.inf
-    for t in range(m):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        x, y, z = np.float64(uy * vz - uz * vy), np.float64(uz * vx - ux * vz), np.float64(ux * vy - uy * vx)
-        area = np.sqrt((x * x + y * y) + z * z)
-        if area > 0.0:
-            least = min(least, sign * (x * turned[0] + y * turned[1] + z * turned[2]) / area)
-    return lo, hi, turned, least / length
+    return lo, hi

@@ -21,7 +21,7 @@ from jobs.visibility.soup import Soup, build_soup
 from storage import octree
 from storage.detail import UNBOUNDED, choose_cut, possible_drawables
 from storage.octree import Octree
-from storage.store import Geometry
+from storage.store import Facets, Geometry
 from storage.tables import CELL
 from storage.tree import leaves
 
@@ -98,6 +98,7 @@ class _Task:
         self._bottom = _bottom(root_key, parameters)
         self._cuts = _cuts(store, root_key, parameters)
         ids = _used(store, self._cuts)
+        self._facets = store.facets(ids)
         self._engine = Engine(_gather(store, ids, parameters.engine.cluster_size), parameters.engine)
 
     def cells_of(self, key: int) -> list[_Cell]:
@@ -131,7 +132,9 @@ class _Task:
         if cut is None:
             return None
         found = self._look(self._engine, key, cut, most_triangles)
-        return None if found is None else self._finished(self._engine, key, cut, found, self._parameters.pixel_error)
+        if found is None:
+            return None
+        return self._finished(self._engine, self._facets, key, cut, found, self._parameters.pixel_error)
 
     def _coarsened(self, key: int, most_triangles: int) -> _Cell:
         """A cell at the depth limit that reports too much, with a cut so coarse that it does not any more.
@@ -157,7 +160,8 @@ class _Task:
         self._expected_step = coarser.step
         # only sampled cells look at their cut once more
         engine = engine_for(coarser.cut) if parameters.engine.sampled else self._engine
-        return self._finished(engine, key, coarser.cut, coarser.found, coarser.pixel_error)
+        facets = store.facets(coarser.found.visible)
+        return self._finished(engine, facets, key, coarser.cut, coarser.found, coarser.pixel_error)
 
     def _look(self, engine: Engine, key: int, cut: np.ndarray, most_triangles: int | None) -> CellVisibility | None:
         """What can be seen of a cut from a cell; None where that is more than `most_triangles`."""
@@ -169,8 +173,10 @@ class _Task:
                 return None
         return engine.visible_from(lo / step, hi / step, cut, most_triangles)
 
-    def _finished(self, engine: Engine, key: int, cut: np.ndarray, found: CellVisibility, pixel_error: float) -> _Cell:
-        """A finished cell; the engine of a sampled one holds the cut."""
+    def _finished(
+        self, engine: Engine, facets: Facets, key: int, cut: np.ndarray, found: CellVisibility, pixel_error: float
+    ) -> _Cell:
+        """A finished cell; the engine of a sampled one holds the cut, `facets` all that is visible."""
         counts = self._store.drawables["triangles"]
         row = np.zeros((), CELL)
         row["key"] = key
@@ -180,6 +186,8 @@ class _Task:
         row["pixel_error"] = pixel_error
         for prefix, ids in (("cut_", cut), ("", found.visible), ("proven_", found.proven)):
             row[f"{prefix}drawables"], row[f"{prefix}triangles"] = len(ids), counts[ids].sum(dtype=np.int64)
+        turned = facets.turned_away(found.visible, row["lo"], row["hi"])
+        row["turned_triangles"] = turned.triangle_counts.sum()
         settings = self._parameters.engine
         if settings.sampled:
             step, rng = self._store.grid.step, np.random.default_rng([HOLD_OUT, key])
@@ -307,8 +315,7 @@ def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
     rows = store.drawables[ids]
     surfaces = store.surfaces(ids)
     return build_soup(
-        ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
-        surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
+        ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
     )  # fmt: skip
 
 

@@ -4,8 +4,8 @@ What is checked:
 - every checksum of every shard and of the manifest;
 - every delta across a boundary is consistent with the vLODs of both its cells;
 - every cell's vLOD is part of its cut, and the cut stands for every node once, at an error below the pixel error;
-- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`); in a store
-  made with --sampled, how many do is measured instead.
+- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`), and no fronts
+  of the facets that are not drawn there; in a store made with --sampled, how many do is measured instead.
 """
 
 from __future__ import annotations
@@ -245,6 +245,11 @@ def _check_cut(store: Store, cell: int, report: VerifyReport) -> None:
     if (np.cumsum(covered)[:-1][leaf] != 1).any():
         report.problems.append(f"cell {cell}: its cut does not stand for every leaf exactly once")
     row = store.cells[cell]
+    turned = int(store.facets(vlod).turned_away(vlod, row["lo"], row["hi"]).triangle_counts.sum())
+    if turned != row["turned_triangles"]:
+        report.problems.append(
+            f"cell {cell}: {turned} triangles of its vLOD are turned away, the table says {row['turned_triangles']}"
+        )
     # from anywhere in the cell a point of the drawable is at least this far away
     gap = np.maximum(rows["lo"].astype(np.float64) - row["hi"], row["lo"] - rows["hi"].astype(np.float64)).clip(min=0)
     distance = np.sqrt((gap * gap).sum(axis=1))
@@ -314,26 +319,31 @@ class _Examiner:
         self._bytes = 0
 
     def examine(self, cell: int) -> _Findings:
-        """Rays from one cell: the counts, and the drawables that the cell misses."""
+        """Rays from one cell: the counts, and what the cell misses, named as 2 d, or 2 d + 1 where d is in its vLOD."""
         began = time.perf_counter()
         store = self._store
         cut, vlod = store.cut(cell), store.vlod(cell)
-        parts = self._triangles(cut)
-        owner = np.repeat(cut, [len(part) for part in parts])
-        triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
         row = store.cells[cell]
-        oracle = Oracle(triangles, owner, store.drawables["one_sided"][owner])
+        parts = self._triangles(cut)
+        triangles = np.concatenate(parts) if parts else np.zeros((0, 3, 3), np.float32)
+        # what is drawn of a drawable d is one thing, 2 d; what is not drawn, being turned away, another: 2 d + 1
+        thing = np.repeat(2 * cut, [len(part) for part in parts])
+        thing[np.isin(thing, 2 * vlod)] += self._turned_away(vlod, row["lo"], row["hi"])
+        order = np.argsort(thing, kind="stable")
+        triangles, thing = triangles[order], thing[order]
+        oracle = Oracle(triangles, thing, store.drawables["one_sided"][thing // 2])
         rng = np.random.default_rng([self._seed, int(row["key"])])
-        found = examine(oracle, owner, triangles, row["lo"], row["hi"], vlod, self._samples, rng)
+        found = examine(oracle, thing, triangles, row["lo"], row["hi"], 2 * vlod, self._samples, rng)
         counts = store.drawables["triangles"].astype(np.int64)
+        seen = np.unique(found.seen // 2)
         summary = CellFindings(
             cell=cell,
             key=int(row["key"]),
             rays=found.rays,
             reported_drawables=len(vlod),
-            seen_drawables=len(found.seen),
+            seen_drawables=len(seen),
             reported_triangles=int(counts[vlod].sum()),
-            seen_triangles=int(counts[found.seen].sum()),
+            seen_triangles=int(counts[seen].sum()),
             missed=len(found.missed),
             uniform_rays=found.uniform,
             missed_rays=found.missed_rays,
@@ -341,6 +351,11 @@ class _Examiner:
             seconds=round(time.perf_counter() - began, 4),
         )
         return summary, found.missed
+
+    def _turned_away(self, vlod: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+        """Which triangles (m,) bool of a vLOD, drawable after drawable, are in facets that the cell does not draw."""
+        found = [self._store.turned_away(drawable, lo, hi) for drawable in vlod.tolist()]
+        return np.concatenate([np.zeros(0, np.bool_), *found])
 
     def _triangles(self, drawables: np.ndarray) -> list[np.ndarray]:
         """(m, 3, 3) float32 corners in model units of each of some drawables."""
@@ -361,9 +376,11 @@ class _Examiner:
 def _accusations(store: Store, cell: int, missed: list[Sight]) -> Iterator[str]:
     """A line for each missed drawable, with all that is needed to see it oneself."""
     for sight in missed:
-        node = int(store.drawables["node"][sight.drawable])
+        drawable, turned = divmod(sight.drawable, 2)
+        node = int(store.drawables["node"][drawable])
         names = ", ".join(repr(name) for name in store.names_of(node)[:3])
+        what = "the front of a facet that it leaves out of drawable" if turned else "drawable"
         yield (
-            f"cell {cell} (key {int(store.cells['key'][cell])}) misses drawable {sight.drawable} of {names}: "
+            f"cell {cell} (key {int(store.cells['key'][cell])}) misses {what} {drawable} of {names}: "
             f"seen from {sight.origin} along {sight.direction} at {sight.distance:g} ray lengths"
         )

@@ -181,7 +181,7 @@ def totals(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "max": float(values.max()),
         }
 
-    counts = ("triangles", "drawables", "draw_calls", "cache_bytes")
+    counts = ("triangles", "turned_triangles", "drawables", "draw_calls", "cache_bytes")
     times = ("strategy_ms", "cpu_ms", "wait_ms", "draw_ms", "frame_ms")
     return {
         "frames": len(rows),

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 from player.cache import PackCache
 from player.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
+from player.renderer.facets import FacetTable, PackFacets
+from storage.facets import part_meshes
 from storage.geometry import Pack
 from storage.store import Store
 
 
 class PreparedPack(NamedTuple):
-    """A pack as the arena takes it."""
+    """A pack as the arena and the table of facets take it."""
 
     vertices: np.ndarray  # VERTEX (n,)
     triangles: NDArray[np.uint32]  # (m, 3), counting vertices from the pack's first
+    facets: PackFacets
 
 
 def octahedral(normals: NDArray[np.float32]) -> NDArray[np.int16]:
@@ -33,11 +36,12 @@ def octahedral(normals: NDArray[np.float32]) -> NDArray[np.int16]:
     return np.rint(xy * 32767).astype(np.int16)
 
 
-def prepare(pack: Pack, rows: np.ndarray, step: float) -> PreparedPack:
-    """Vertices in grid units and pack-wide indices of a decoded pack.
+def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: float) -> PreparedPack:
+    """Vertices in grid units, pack-wide indices in the order of the facets, and the facets, of a decoded pack.
 
-    rows: its GEOMETRY rows in the order of their vertices; step: model units per grid unit. Scales and step are powers
-    of two, so meshes that lie in model space keep their whole-numbered grid coordinates exactly.
+    rows: its GEOMETRY rows in the order of their vertices; one_sided: of which only fronts count; step: model units per
+    grid unit. Scales and step are powers of two, so meshes that lie in model space keep their whole-numbered grid
+    coordinates exactly.
     """
     vertices = np.zeros(len(pack.positions), VERTEX)
     scale = np.repeat(rows["scale"] / step, rows["vertices"])
@@ -45,17 +49,22 @@ def prepare(pack: Pack, rows: np.ndarray, step: float) -> PreparedPack:
     vertices["normal"] = octahedral(pack.normals)
     vertices["colour"] = pack.colours
     triangles = pack.triangles + np.repeat(rows["vertex_start"], rows["triangles"])[:, None]
-    return PreparedPack(vertices, triangles.astype(np.uint32))
+    order, counts, facets, cones = part_meshes(
+        pack.positions, pack.triangles, rows["vertices"].astype(np.int64), rows["triangles"].astype(np.int64), one_sided
+    )
+    return PreparedPack(vertices, triangles.astype(np.uint32)[order], PackFacets(counts, facets, cones))
 
 
 class Packs:
     """Keeps the packs on the GPU that are drawn, and those that may be drawn soon, within a budget."""
 
-    def __init__(self, store: Store, arena: Arena, *, budget: int, threads: int) -> None:
+    def __init__(self, store: Store, arena: Arena, facets: FacetTable, *, budget: int, threads: int) -> None:
         """budget: bytes of vertices and indices on the GPU; threads: how many load at a time."""
         self._store = store
         self._arena = arena
+        self._facets = facets
         order = np.lexsort((store.geometry["vertex_start"], store.geometry["pack"]))
+        self._meshes = order
         self._rows = store.geometry[order]
         self._row_starts = np.searchsorted(self._rows["pack"], np.arange(len(store.packs) + 1))
         self._sizes = store.packs["vertices"].astype(np.int64) * VERTEX.itemsize
@@ -122,12 +131,20 @@ class Packs:
         ]
 
     def _load(self, number: int) -> PreparedPack:
-        rows = self._rows[self._row_starts[number] : self._row_starts[number + 1]]
-        return prepare(self._store.pack(number), rows, self._store.grid.step)
+        own = self._own(number)
+        one_sided = self._store.one_sided[self._meshes[own]]
+        return prepare(self._store.pack(number), self._rows[own], one_sided, self._store.grid.step)
+
+    def _own(self, number: int) -> slice:
+        """The rows of a pack's meshes."""
+        return slice(int(self._row_starts[number]), int(self._row_starts[number + 1]))
 
     def _upload(self, arrived: dict[int, PreparedPack]) -> None:
         for number in sorted(arrived):  # not in the order of arrival, which no two runs share
+            pack = arrived[number]
             self.cache.add(number)
-            self._arena.add(number, *arrived[number])
+            self._arena.add(number, pack.vertices, pack.triangles)
+            self._facets.add(number, self._meshes[self._own(number)], pack.facets)
         for number in self.cache.evict().tolist():
             self._arena.remove(number)
+            self._facets.remove(number)

@@ -59,6 +59,7 @@ class FrameStatistics:
     computed: bool  # drawn from the cell's vLOD; False: by culling at run time, or everything
     drawables: int
     triangles: int
+    turned_triangles: int  # of these drawables, left out because the cell can only see their backs
     draw_calls: int
     replaced: int  # nodes drawn at another level or by one above them, because the chosen level had not arrived
     absent: int  # nodes not drawn, because nothing of them or above them had arrived
@@ -82,13 +83,14 @@ class Walkthrough:
         self.renderer = Renderer(
             context,
             able,
-            draw_tables(store.drawables, store.geometry, store.instances),
+            draw_tables(store.drawables, store.geometry, store.instances, store.grid.step),
             len(store.packs),
             store.instances["matrix"],
             store.grid.step,
             Style(up=str(store.manifest.model["up"]), fog=settings.fog, sky=settings.sky),
         )
-        self.packs = Packs(store, self.renderer.arena, budget=settings.cache_bytes, threads=settings.threads)
+        arena, facets = self.renderer.arena, self.renderer.facets
+        self.packs = Packs(store, arena, facets, budget=settings.cache_bytes, threads=settings.threads)
         self._context = context
         self._pack_of = store.geometry["pack"].astype(np.int64)[store.drawables["geometry"]]
         self._strategy = self._make_strategy(settings.strategy)
@@ -124,7 +126,7 @@ class Walkthrough:
         self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
         loaded = time.perf_counter()
         drawn = stand_ins(choice.drawables, self.scene, self._ready)
-        draws = self.renderer.prepare(drawn.drawables)
+        draws = self.renderer.prepare(drawn.drawables, choice.within)
         prepared = time.perf_counter()
         calls = self.renderer.draw(view, draws, target.framebuffer)
         target.resolve()
@@ -138,6 +140,7 @@ class Walkthrough:
             computed=choice.computed,
             drawables=draws.drawables,
             triangles=draws.triangles,
+            turned_triangles=draws.turned,
             draw_calls=calls,
             replaced=drawn.replaced,
             absent=drawn.absent,
@@ -159,8 +162,9 @@ class Walkthrough:
         near = max(1e-5 * self.scene.extent, 2 * self.scene.store.grid.step)
         width, height = probe.size
         view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.scene.extent)
-        ids = self._strategy.choose(view).drawables
-        self.renderer.draw(view, self.renderer.prepare(ids[self._ready(ids)]), probe.framebuffer)
+        choice = self._strategy.choose(view)
+        ids = choice.drawables[self._ready(choice.drawables)]
+        self.renderer.draw(view, self.renderer.prepare(ids, choice.within), probe.framebuffer)
         return probe.nearest(view, self.renderer.able.reversed_depth)
 
     def close(self) -> None:

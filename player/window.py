@@ -304,6 +304,7 @@ class Viewer:
             ("strategy", f"{s.strategy}{' (frozen)' if self.walk.frozen else ''}, cell {cell}, from {source}"),
             ("allowed error", f"{self.walk.strategy.pixel_error:.2f} pixels"),
             ("triangles", f"{s.triangles:,} of {total:,} ({100 * s.triangles / max(total, 1):.1f} %)"),
+            ("turned away", f"{s.turned_triangles:,} triangles left out"),
             ("drawables", f"{s.drawables:,} in {s.draw_calls} draw calls"),
             ("on the GPU", f"{s.cache_bytes / 1e6:.1f} MB, {self.walk.packs.pending} packs to come"),
             ("fetched", f"{s.bytes_fetched / 1e6:.1f} MB"),

@@ -15,6 +15,7 @@ Read in this order:
                 wedges        vertices that share a position
                 normals       unit vectors as two small integers
                 planes        arrays as byte planes
+    facets      triangles by direction, and what a cell can only see from behind
     deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell
     files       local and remote files; cache: what was decoded last; temporary: names of what is being written
     kernels     how inner loops are compiled

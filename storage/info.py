@@ -124,6 +124,8 @@ def _cells(store: Store) -> dict[str, Any]:
         "cut_drawables": int(cells["cut_drawables"].sum(dtype=np.int64)),
         "reported_triangles": int(reported.sum()),
         "proven_triangles": int(proven.sum()),
+        "turned_triangles": int(cells["turned_triangles"].sum(dtype=np.int64)),
+        "turned_share": float(np.mean(cells["turned_triangles"] / np.maximum(reported, 1))),
         "reported_drawables": int(cells["drawables"].sum(dtype=np.int64)),
         "proven_drawables": int(cells["proven_drawables"].sum(dtype=np.int64)),
         "tightness": _ratio(reported.sum(), proven.sum()),
@@ -262,6 +264,10 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
         (
             "triangles in a vLOD",
             f"{cells['median_triangles']:,.0f} (median), {cells['largest_triangles']:,} (largest)",
+        ),
+        (
+            "turned away, not drawn",
+            f"{100 * cells['turned_share']:.1f} % of a vLOD's triangles (mean), {cells['turned_triangles']:,} in all",
         ),
         ("tightness at most", f"{_times(cells['tightness'])} (triangles reported / proven visible)"),
     ]

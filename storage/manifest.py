@@ -20,7 +20,7 @@ from storage.errors import CorruptStoreError, StoreFormatError
 from storage.frames import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
-FORMAT = 3
+FORMAT = 4
 
 FILE = "manifest.json"
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,6 +29,7 @@ from storage.columns import unpack_names, unpack_table
 from storage.deltas import Delta, Ids, odd_ones
 from storage.detail import choose_cut
 from storage.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
+from storage.facets import CONE, find_turned_away, part_meshes
 from storage.files import Files
 from storage.frames import Kind, ShardReader, ShardRecord, shard_path
 from storage.geometry import Pack, unpack, unpack_source_faces
@@ -86,6 +88,47 @@ class Surfaces(NamedTuple):
     triangle_counts: NDArray[np.int64]  # (d,) triangles of each drawable
 
 
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """The facets of some drawables: runs of their triangles, each with a cone behind all of it (storage.facets)."""
+
+    drawables: NDArray[np.int64]  # (d,) sorted ids
+    first: NDArray[np.int64]  # (d,) row of each one's first facet; instances share rows
+    count: NDArray[np.int64]  # (d,)
+    instance: NDArray[np.int64]  # (d,) row of `matrices`, -1: in model space
+    scale: NDArray[np.float64]  # (d,) local units per step of the positions
+    triangles: NDArray[np.int64]  # (f,) triangles of each facet
+    cones: NDArray[np.float64]  # (f, CONE) storage.facets
+    matrices: NDArray[np.float64]  # (n, 3, 4) placements of instances
+    step: float  # model units per grid unit
+
+    def turned_away(self, drawables: NDArray[np.int64], lo: ArrayLike, hi: ArrayLike) -> TurnedAway:
+        """Which facets of drawables (k,), all of this set, show only backs to a cell lo ... hi (3,) in model units."""
+        places = np.searchsorted(self.drawables, drawables)
+        first, count = self.first[places], self.count[places]
+        away = find_turned_away(
+            first, count, self.instance[places], self.scale[places], self.cones, self.matrices, self.step,
+            np.array(lo, np.float64), np.array(hi, np.float64),
+        )  # fmt: skip
+        starts = np.cumsum(count) - count
+        rows = np.repeat(first - starts, count) + np.arange(len(away))
+        return TurnedAway(away, self.triangles[rows], starts)
+
+
+class TurnedAway(NamedTuple):
+    """Which facets of some drawables show a cell only their backs: the player leaves them out."""
+
+    away: NDArray[np.bool_]  # (f,) facets, one drawable after the other, in the order of their triangles
+    triangles: NDArray[np.int64]  # (f,) triangles of each
+    starts: NDArray[np.int64]  # (k,) each drawable's first facet
+
+    @property
+    def triangle_counts(self) -> NDArray[np.int64]:
+        """(k,) triangles of each drawable that are left out."""
+        left_out = np.where(self.away, self.triangles, 0)
+        return np.add.reduceat(left_out, self.starts) if len(self.starts) else left_out
+
+
 class Problem(NamedTuple):
     """Something found wrong by `Store.check`."""
 
@@ -123,6 +166,13 @@ class Geometry:
         self.part_names = unpack_names(tables.frame(len(dtypes), Kind.NAMES))
         self._geometry_shards = [self._reader(ShardRecord(*entry)) for entry in section["shards"]]
         self._packs: ByteCache[Pack] = ByteCache(GEOMETRY_CACHE)
+
+    @cached_property
+    def one_sided(self) -> NDArray[np.bool_]:
+        """(geometries,) of which meshes only fronts count, wherever they are placed."""
+        only = np.ones(len(self.geometry), np.bool_)
+        only[self.drawables["geometry"][~self.drawables["one_sided"]]] = False
+        return only
 
     @property
     def bytes_fetched(self) -> int:
@@ -215,6 +265,49 @@ class Geometry:
         mirrored = np.array([n >= 0 and _cofactors(self.instances["matrix"][n])[1] for n in used])
         turned = np.repeat(mirrored[which], rows["triangles"])
         corners[turned] = corners[turned][:, [0, 2, 1]]
+
+    def facets(self, drawables: NDArray[np.integer]) -> Facets:
+        """The facets of drawables (d,), sorted ids, whose meshes are read."""
+        ids = np.asarray(drawables, np.int64)
+        used, which = np.unique(self.drawables["geometry"][ids], return_inverse=True)
+        count = np.zeros(len(used), np.int64)
+        triangles, cones = [np.zeros(0, np.int64)], [np.zeros((0, CONE))]
+        for at, number in enumerate(used.tolist()):
+            _, sizes, behind = self._parted(number)
+            count[at] = len(sizes)
+            triangles.append(sizes)
+            cones.append(behind)
+        return Facets(
+            ids,
+            (np.cumsum(count) - count)[which],
+            count[which],
+            self.drawables["instance"][ids].astype(np.int64),
+            self.geometry["scale"][used][which].astype(np.float64),
+            np.concatenate(triangles),
+            np.concatenate(cones),
+            self.instances["matrix"].copy(),
+            self.grid.step,
+        )
+
+    def turned_away(self, drawable: int, lo: ArrayLike, hi: ArrayLike) -> NDArray[np.bool_]:
+        """Which triangles (m,) of a drawable, in the order of `mesh`, lie in facets that show a cell only their backs.
+
+        lo, hi (3,): the cell, in model units.
+        """
+        found = self.facets(np.array([drawable])).turned_away(np.array([drawable]), lo, hi)
+        order, sizes, _ = self._parted(int(self.drawables["geometry"][drawable]))
+        away = np.empty(len(order), np.bool_)
+        away[order] = np.repeat(found.away, sizes)
+        return away
+
+    def _parted(self, geometry: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """The order of a mesh's triangles by facets, the triangles of each facet, and the cones: storage.facets."""
+        mesh = self.local_mesh(geometry)
+        order, _, sizes, cones = part_meshes(
+            mesh.positions, mesh.triangles, np.array([len(mesh.positions)]), np.array([len(mesh.triangles)]),
+            self.one_sided[geometry : geometry + 1],
+        )  # fmt: skip
+        return order, sizes, cones
 
     def source_faces(self, drawable: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """For the finest level of a leaf: of each of its triangles the part (m,) and the face of that part (m,).

@@ -73,9 +73,7 @@ DRAWABLE = np.dtype(
         ("error", "<f4"),  # two-sided Hausdorff bound to the model's surface, rounded up, quantisation included
         ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
         ("hi", "<f4", (3,)),
-        ("cone_axis", "<f4", (3,)),  # unit axis of a cone that holds every triangle's normal
-        ("cone_angle", "<f4"),  # its half angle in radians, rounded up; pi where there is no useful cone
-        ("one_sided", "?"),  # may be culled where only its back can be seen
+        ("one_sided", "?"),  # only fronts count: see storage.facets
     ]
 )
 
@@ -93,6 +91,7 @@ CELL = np.dtype(
         ("cut_triangles", "<u8"),
         ("drawables", "<u4"),  # drawables reported as visible: the size of the cell's vLOD
         ("triangles", "<u8"),  # triangles reported as visible
+        ("turned_triangles", "<u8"),  # of these, in facets that show the cell only their backs: not drawn
         ("proven_drawables", "<u4"),  # of these, proven visible: a ray from the cell surely meets them first
         ("proven_triangles", "<u8"),
         ("hold_out_rays", "<u4"),  # rays that measured what sampling missed (--sampled); 0: the vLOD misses nothing

@@ -20,11 +20,11 @@ import numpy as np
 from jobs.detail.borders import border_kept, same_places
 from jobs.detail.closest import make_surface
 from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
+from jobs.detail.face_normals import face_normals
 from jobs.detail.hausdorff import hausdorff_bound
 from jobs.detail.levels import FLOOR_STEPS, ROUNDING, ROUNDING_STEPS, SLACK, CoarseLevel, Mesh, tidy
 from jobs.detail.near_pairs import near_pairs
 from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed
-from jobs.detail.normal_cone import face_normals
 from jobs.objects.components import components, outward_closed
 from jobs.objects.weld import OPEN, twins, weld
 

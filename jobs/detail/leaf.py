@@ -22,7 +22,6 @@ from jobs.detail.displacement import placed
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, level_of
-from jobs.detail.normal_cone import face_normals
 from jobs.detail.pieces import FLAT_STEPS, ROUNDING, PieceSet
 from jobs.importing.model import Model
 from jobs.importing.saved import cofactors, turned
@@ -109,9 +108,8 @@ def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> 
 def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
     """At most `most` levels of a patch, and its offers; crease: cosine of the sharpest angle that is smoothed."""
     mesh = patch.mesh
-    normals, _ = face_normals(mesh.points, mesh.triangles)
     finest = level_of(
-        mesh.points, mesh.triangles, normals, patch.shading, patch.colours, patch.source_faces,
+        mesh.points, mesh.triangles, patch.shading, patch.colours, patch.source_faces,
         patch.error * scale, patch.outward,
     )  # fmt: skip
     levels = [finest]

@@ -1,7 +1,7 @@
 """What a node of the hierarchy consists of, and how one is made from a patch of surface.
 
 A leaf's levels are made from its pieces (`leaf`), an inner node's from what its children offer (`inner`). All of them
-are dressed here: normals with creases kept, colours, vertices, and the cone around the normals.
+are dressed here: normals with creases kept, colours, vertices.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from jobs.detail.attributes import (
 )
 from jobs.detail.borders import indices_of
 from jobs.detail.closest import Surface
+from jobs.detail.face_normals import face_normals
 from jobs.detail.levels import CoarseLevel
-from jobs.detail.normal_cone import face_normals, normal_cones
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,6 @@ class Level:
     colours: np.ndarray  # (n, 4) uint8
     source_faces: np.ndarray | None  # (m, 2) uint32: part and face of the model; finest levels of leaves only
     error: float  # two-sided Hausdorff bound to the imported triangles that the node stands for, in local units
-    cone_axis: np.ndarray  # (3,) float32, unit: axis of a cone around all face normals
-    cone_angle: float  # its half angle in radians, rounded up; pi where there is no useful cone
     one_sided: bool  # closed (with what lies beyond its locked borders) and wound outward
 
 
@@ -101,23 +99,19 @@ def dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> 
         colours = corners[level.source].reshape(-1, 4)
     else:
         colours = sampled_colours(level.surface, finest.surface, finest.colours)
-    return level_of(points, triangles, normals, shading, colours, None, level.error * scale, level.outward), colours
+    return level_of(points, triangles, shading, colours, None, level.error * scale, level.outward), colours
 
 
 def level_of(
     points: np.ndarray,
     triangles: np.ndarray,
-    normals: np.ndarray,
     shading: np.ndarray,
     colours: np.ndarray,
     source_faces: np.ndarray | None,
     error: float,
     one_sided: bool,
 ) -> Level:
-    """A level from what its corners carry: shading (3 m, 3), colours (3 m, 4); normals (m, 3) of the triangles."""
+    """A level from what its corners carry: shading (3 m, 3), colours (3 m, 4)."""
     whole = np.array([0, len(triangles)])
     positions, vertex_normals, vertex_colours, indices, _ = build_vertices(points, triangles, whole, shading, colours)
-    axes, angles = normal_cones(normals, whole)
-    return Level(
-        positions, indices, vertex_normals, vertex_colours, source_faces, error, axes[0], float(angles[0]), one_sided
-    )
+    return Level(positions, indices, vertex_normals, vertex_colours, source_faces, error, one_sided)

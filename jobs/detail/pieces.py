@@ -21,9 +21,9 @@ from jobs.arrays import mapped_array, save_array
 from jobs.detail.attributes import corner_normals, keep_given_normals
 from jobs.detail.closest import make_surface
 from jobs.detail.displacement import group_maximum, snapped
+from jobs.detail.face_normals import face_normals
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import ROUNDING_STEPS, SLACK
-from jobs.detail.normal_cone import face_normals
 from jobs.detail.options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces

@@ -4,7 +4,7 @@ Read in this order: `topology` (welding, edges, clusters), `soup` (the triangles
 arrays), `cube_faces` (the image: projecting boxes, triangles and inflated edges), `flood` (from a core to an occluder
 set), `silhouettes` (up to which depth pixels hide in spite of a set's silhouettes), `layers` (what pixels hide, by all
 sets), `occluders` (occluder sets drawn into layers), `occludees` (which clusters and triangles are hidden),
-`back_faces` (whole drawables that turn their backs), `item_buffer` (what images from the cell's corners show),
+`item_buffer` (what images from the cell's corners show),
 `ray_tree` (what rays meet), `aimed_rays` (what is proven visible, and sampling alone), `shafts` (what is still open is
 hidden, or seen), `engine` (one cell, from a cut to its visible ids and certificate). Only `engine` and `soup` are
 called from outside; the others are kernels: pure functions from arrays to arrays.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, back_faces, item_buffer, occludees, occluders, ray_tree, shafts
+from jobs.visibility import aimed_rays, item_buffer, occludees, occluders, ray_tree, shafts
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
@@ -157,11 +157,6 @@ class Engine:
         """
         soup = self.soup
         places = soup.places(cut)
-        solid = places[soup.one_sided[places]]
-        backs = back_faces.backs_only(
-            soup.drawable_lo[solid], soup.drawable_hi[solid], lo, hi, soup.cone_axis[solid], soup.cone_angle[solid]
-        )
-        places = np.setdiff1d(places, solid[backs], assume_unique=True)
         if self.settings.sampled:
             return self._sample(lo, hi, places, most_triangles)
         active = np.zeros(len(soup.drawables), np.bool_)

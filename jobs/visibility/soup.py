@@ -22,8 +22,6 @@ class Soup:
 
     drawables: np.ndarray  # (d,) int64 sorted ids
     one_sided: np.ndarray  # (d,) bool
-    cone_axis: np.ndarray  # (d, 3) float64 axes of the normal cones
-    cone_angle: np.ndarray  # (d,) float64 their half angles in radians
     drawable_lo: np.ndarray  # (d, 3) float64 boxes of the meshes; lo > hi where a drawable has no triangles
     drawable_hi: np.ndarray  # (d, 3)
     drawable_clusters: np.ndarray  # (d + 1,) int32 offsets into the clusters
@@ -51,8 +49,6 @@ class Soup:
 def build_soup(
     drawables: Sequence[int] | np.ndarray,
     one_sided: np.ndarray,
-    cone_axis: np.ndarray,
-    cone_angle: np.ndarray,
     points: np.ndarray,
     corners: np.ndarray,
     counts: np.ndarray,
@@ -62,7 +58,7 @@ def build_soup(
 
     Args:
         drawables: (d,) sorted ids.
-        one_sided: (d,) bool; cone_axis: (d, 3), cone_angle: (d,) normal cones.
+        one_sided: (d,) bool.
         points: (n, 3) int32 positions in grid units; corners: (m, 3) triangles into them, one drawable after the other.
         counts: (d,) int64 triangles of each drawable.
         cluster_size: most triangles in a cluster.
@@ -111,8 +107,6 @@ def build_soup(
     return Soup(
         drawables=ids,
         one_sided=np.asarray(one_sided, np.bool_),
-        cone_axis=np.asarray(cone_axis, np.float64),
-        cone_angle=np.asarray(cone_angle, np.float64),
         drawable_lo=drawable_lo,
         drawable_hi=drawable_hi,
         drawable_clusters=drawable_clusters,

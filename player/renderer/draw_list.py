@@ -1,4 +1,4 @@
-"""From drawable ids to draw commands: one command per mesh, however many instances of it are drawn.
+"""From drawable ids to draw commands: one command per run of a mesh's triangles, however many instances show it.
 
 Pure array functions; nothing here touches OpenGL.
 """
@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from player.renderer.facets import CellBox, FacetTable, FacetUsers, Runs
 from player.renderer.instances import mirrored
 
 #: Which sides of a drawable are drawn; the cull mode of a batch.
@@ -42,23 +43,33 @@ class DrawTables:
     pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
     first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
     indices: NDArray[np.int64]  # (geometries,)
+    facets: FacetUsers
 
 
-def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray) -> DrawTables:
-    """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays, without tints."""
+def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray, step: float) -> DrawTables:
+    """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays, without tints; step: of the grid."""
     instance = drawables["instance"].astype(np.int64)
     record = np.zeros(len(drawables), RECORD)
     record["placement"] = instance + 1
     turned = np.concatenate([mirrored(instances["matrix"]), [False]])[instance]
     side = np.where(drawables["one_sided"], np.where(turned, BACK_ONLY, FRONT_ONLY), BOTH_SIDES)
+    mesh = drawables["geometry"].astype(np.int64)
+    users = FacetUsers(
+        geometry=mesh,
+        instance=instance,
+        scale=geometry["scale"].astype(np.float64)[mesh],
+        matrices=instances["matrix"].copy(),
+        step=step,
+    )
     return DrawTables(
-        geometry=drawables["geometry"].astype(np.int64),
+        geometry=mesh,
         record=record,
         side=side.astype(np.uint8),
         triangles=drawables["triangles"].astype(np.int64),
         pack=geometry["pack"].astype(np.int64),
         first_index=geometry["triangle_start"].astype(np.int64) * 3,
         indices=geometry["triangles"].astype(np.int64) * 3,
+        facets=users,
     )
 
 
@@ -81,21 +92,31 @@ class DrawList:
     batches: tuple[Batch, ...]
     triangles: int
     drawables: int
+    turned: int  # triangles of these drawables that are left out: the view cell can only see their backs
 
 
 def build(
-    ids: NDArray[np.int64], tables: DrawTables, slab_of: NDArray[np.int32], first_index: NDArray[np.int64]
+    ids: NDArray[np.int64],
+    tables: DrawTables,
+    slab_of: NDArray[np.int32],
+    first_index: NDArray[np.int64],
+    facets: FacetTable,
+    cell: CellBox | None,
 ) -> DrawList:
     """Draw commands for sorted drawable `ids`, all of whose packs must be in the arena.
 
-    slab_of, first_index (packs,): where the arena holds each pack. Within a batch, meshes come in the order of their
-    first drawable: the same order whatever else is drawn, so that coplanar surfaces look the same every time.
+    slab_of, first_index (packs,): where the arena holds each pack; facets: of the meshes in the arena; cell: leave out
+    what this view cell sees only from behind; None: nothing. Within a batch, meshes come in the order of their first
+    drawable: the same order whatever else is drawn, so that coplanar surfaces look the same every time.
     """
+    if np.any(slab_of[tables.pack[tables.geometry[ids]]] < 0):
+        raise ValueError("a drawable's pack is not in the arena")
+    runs = _whole(ids, tables) if cell is None else facets.runs_of(ids, tables.facets, cell)
+    asked = int(tables.triangles[ids].sum())
+    ids = ids[runs.drawable]
     geometry = tables.geometry[ids]
     pack = tables.pack[geometry]
     batch = slab_of[pack].astype(np.int64) * 3 + tables.side[ids]
-    if np.any(batch < 0):
-        raise ValueError("a drawable's pack is not in the arena")
     rank = np.arange(len(ids), dtype=np.int64)
     placed = tables.record["placement"][ids]
     if placed.any():  # several drawables may share a mesh: each takes the rank of the mesh's first
@@ -104,16 +125,16 @@ def build(
         lengths = np.diff(np.append(starts, len(ids)))
         first_rank = np.empty_like(rank)
         first_rank[by_mesh] = np.repeat(rank[by_mesh][starts], lengths)
-        order = np.lexsort((rank, first_rank, batch))
+        order = np.lexsort((rank, runs.indices, runs.first, first_rank, batch))
     else:
         order = np.argsort(batch, kind="stable")
-    batch, geometry, ordered = batch[order], geometry[order], ids[order]
-    starts = _starts(batch, geometry)
+    batch, geometry, ordered, first, indices = (a[order] for a in (batch, geometry, ids, runs.first, runs.indices))
+    starts = _starts(batch, geometry, first, indices)
     mesh = geometry[starts]
     commands = np.zeros(len(starts), COMMAND)
-    commands["indices"] = tables.indices[mesh]
+    commands["indices"] = indices[starts]
     commands["instances"] = np.diff(np.append(starts, len(ids)))
-    commands["first_index"] = first_index[tables.pack[mesh]] + tables.first_index[mesh]
+    commands["first_index"] = first_index[tables.pack[mesh]] + tables.first_index[mesh] + first[starts]
     commands["base_instance"] = starts
     batch_of_command = batch[starts]
     edges = np.flatnonzero(np.diff(batch_of_command, prepend=-1, append=-1))
@@ -121,14 +142,21 @@ def build(
         Batch(int(batch_of_command[a] // 3), int(batch_of_command[a] % 3), int(a), int(b - a))
         for a, b in pairwise(edges)
     )
-    return DrawList(commands, tables.record[ordered], batches, int(tables.triangles[ids].sum()), len(ids))
+    triangles = int(indices.sum()) // 3
+    drawables = int((np.diff(runs.drawable, prepend=-1) != 0).sum())
+    return DrawList(commands, tables.record[ordered], batches, triangles, drawables, asked - triangles)
 
 
-def _starts(batch: NDArray[np.int64], geometry: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where a new (batch, geometry) begins in two sorted-alike arrays."""
-    if not len(batch):
+def _whole(ids: NDArray[np.int64], tables: DrawTables) -> Runs:
+    """Every drawable as one run."""
+    return Runs(np.arange(len(ids)), np.zeros(len(ids), np.int64), tables.indices[tables.geometry[ids]])
+
+
+def _starts(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where one of several arrays that are sorted alike changes."""
+    if not len(keys[0]):
         return np.zeros(0, np.int64)
-    changes = (np.diff(batch) != 0) | (np.diff(geometry) != 0)
+    changes = np.logical_or.reduce([np.diff(key) != 0 for key in keys])
     return np.concatenate([[0], np.flatnonzero(changes) + 1])
 
 

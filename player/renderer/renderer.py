@@ -14,6 +14,7 @@ from player.renderer import draw_list, instances, shaders
 from player.renderer.arena import Arena
 from player.renderer.context import Abilities, use_depth_range
 from player.renderer.draw_list import DrawList, DrawTables
+from player.renderer.facets import CellBox, FacetTable
 from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
 from player.view import View, normalised, up_vector
 
@@ -38,6 +39,7 @@ class Renderer:
         self.context = context
         self.able = able
         self.arena = Arena(context, packs)
+        self.facets = FacetTable(len(tables.pack))
         self._tables = tables
         self._step = step
         self._style = style
@@ -45,7 +47,7 @@ class Renderer:
         self._drawer: SurfaceDrawer = (MultiDraw if able.multi_draw else SingleDraws)(context, self.arena)
         self._sky = context.program(vertex_shader=shaders.SKY[0], fragment_shader=shaders.SKY[1])
         self._sky_array = context.vertex_array(self._sky, [])
-        self._last: tuple[NDArray[np.int64], int, DrawList] | None = None
+        self._last: tuple[NDArray[np.int64], CellBox | None, int, DrawList] | None = None
         up = up_vector(style.up)
         lamp = normalised(np.roll(up, 1) * 0.45 + np.roll(up, 2) * 0.28 + up * 0.85)
         surface = self._drawer.program
@@ -64,13 +66,16 @@ class Renderer:
         self._tables = replace(self._tables, record=record)
         self._last = None
 
-    def prepare(self, ids: NDArray[np.int64]) -> DrawList:
-        """Draw commands for sorted drawable `ids`, whose packs must be in the arena; kept while nothing changes."""
+    def prepare(self, ids: NDArray[np.int64], cell: CellBox | None) -> DrawList:
+        """Draw commands for sorted drawable `ids`, whose packs must be in the arena; kept while nothing changes.
+
+        cell: the eye is in this view cell, so that what it sees only from behind is left out; None: may be anywhere.
+        """
         last = self._last
-        if last is not None and last[1] == self.arena.version and np.array_equal(last[0], ids):
-            return last[2]
-        draws = draw_list.build(ids, self._tables, self.arena.slab_of, self.arena.first_index)
-        self._last = (ids, self.arena.version, draws)
+        if last is not None and last[1] is cell and last[2] == self.arena.version and np.array_equal(last[0], ids):
+            return last[3]
+        draws = draw_list.build(ids, self._tables, self.arena.slab_of, self.arena.first_index, self.facets, cell)
+        self._last = (ids, cell, self.arena.version, draws)
         return draws
 
     def draw(self, view: View, draws: DrawList, framebuffer: moderngl.Framebuffer) -> int:

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from player.renderer.facets import CellBox
 from player.view import Vector, View
 
 
@@ -18,6 +19,7 @@ class Choice:
     drawables: NDArray[np.int64]  # sorted ids
     cell: int  # the view cell that holds the eye, -1 where none was computed
     computed: bool  # the drawables come from the cell's vLOD
+    within: CellBox | None = None  # the cell's box, where what it sees only from behind may be left out
 
 
 class Strategy(Protocol):

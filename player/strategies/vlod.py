@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.prefetch import Loader
+from player.renderer.facets import CellBox
 from player.scene import Scene
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
@@ -47,6 +48,7 @@ class Vlod:
         self._listed: tuple[int, float] | None = None
         self._list: Ids = np.zeros(0, np.int64)
         self._boxes = Boxes(np.zeros((0, 3)), np.zeros((0, 3)))
+        self._within: CellBox | None = None
         self._ahead_for: tuple[object, ...] | None = None
 
     def choose(self, view: View) -> Choice:
@@ -58,7 +60,7 @@ class Vlod:
         if ids is None:
             self._frustum.pixel_error = self.pixel_error
             return Choice(self._frustum.choose(view).drawables, cell, computed=False)
-        return Choice(ids[boxes_in_frustum(view, self._boxes)], cell, computed=True)
+        return Choice(ids[boxes_in_frustum(view, self._boxes)], cell, computed=True, within=self._within)
 
     def ahead(self, view: View, motion: Vector) -> Ids | None:
         """The rest of the cell's list, then what the cells ahead add to it, then what the other neighbours add."""
@@ -115,6 +117,8 @@ class Vlod:
                 return None
             self._list = self._at_detail(cell, ids)
             self._boxes = boxes_between(self._scene.drawable_lo[self._list], self._scene.drawable_hi[self._list])
+            row = self._scene.store.cells[cell]
+            self._within = CellBox(row["lo"].copy(), row["hi"].copy())
             self._listed = (cell, self.pixel_error)
         return self._list
 

@@ -70,9 +70,13 @@ class Case:
         rows = self.geometry.drawables[self.ids]
         surfaces = self.geometry.surfaces(self.ids)
         self.soup = build_soup(
-            self.ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
-            surfaces.points, surfaces.triangles, surfaces.triangle_counts, EngineSettings().cluster_size,
-        )  # fmt: skip
+            self.ids,
+            rows["one_sided"],
+            surfaces.points,
+            surfaces.triangles,
+            surfaces.triangle_counts,
+            EngineSettings().cluster_size,
+        )
         self.owner = np.repeat(self.ids, surfaces.triangle_counts)
         corners = surfaces.points[surfaces.triangles] * self.geometry.grid.step
         self.triangles = np.ascontiguousarray(corners, np.float32)

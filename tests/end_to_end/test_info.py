@@ -22,13 +22,17 @@ def _vlod(*args: object) -> subprocess.CompletedProcess:
 
 
 def test_info_of_a_store(tmp_path: Path) -> None:
-    make_store(tmp_path / "room.store", room_parts())
+    store = make_store(tmp_path / "room.store", room_parts())
     done = _vlod("info", tmp_path / "room.store")
     assert done.returncode == 0
     assert done.stderr == ""
     assert "3,840 triangles in 12 parts" in done.stdout
     facts = json.loads(_vlod("info", tmp_path / "room.store", "--json").stdout)
     assert facts["cells"]["computed"] == 64
+    turned, triangles = (store.cells[name].astype(np.int64) for name in ("turned_triangles", "triangles"))
+    assert facts["cells"]["turned_triangles"] == turned.sum() > 0
+    assert facts["cells"]["turned_share"] == pytest.approx((turned / triangles).mean())
+    assert f"{100 * (turned / triangles).mean():.1f} % of a vLOD's triangles" in done.stdout
 
 
 def test_info_tells_how_tight_cells_are_and_which_are_the_worst(tmp_path: Path) -> None:

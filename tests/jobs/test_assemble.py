@@ -130,23 +130,6 @@ def test_boxes_are_those_of_the_triangles(placed):
         assert (node["hi"] >= row["hi"]).all()
 
 
-def test_cones_hold_every_normal(placed):
-    useful = 0
-    for number, row in enumerate(placed.drawables):
-        mesh = placed.mesh(number)
-        a, b, c = (mesh.positions[mesh.triangles[:, corner]].astype(np.float64) for corner in range(3))
-        normals = np.cross(b - a, c - a)
-        normals = normals[np.linalg.norm(normals, axis=1) > 0]
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        axis = row["cone_axis"].astype(np.float64)
-        if row["cone_angle"] < np.pi:
-            useful += 1
-            angles = np.arccos(np.clip(normals @ axis / np.linalg.norm(axis), -1, 1))
-            assert angles.max() <= row["cone_angle"]
-            assert row["one_sided"]
-    assert useful > len(MATRICES)
-
-
 def test_fronts_stay_fronts(placed):
     """A ball's normals point away from its centre under every placement, mirrors included."""
     for number, row in enumerate(placed.drawables):

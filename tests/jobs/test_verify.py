@@ -11,6 +11,7 @@ import pytest
 
 from jobs.errors import WorkerLostError
 from jobs.verify import verify
+from storage.facets import find_turned_away
 from storage.manifest import commit
 from storage.store import Geometry
 from tests.storage.tiny_store import make_store, room_parts
@@ -39,6 +40,35 @@ def test_a_drawable_left_out_of_one_cell_is_named(tmp_path: Path) -> None:
     assert "'table'" in report.problems[0]
     seen = [cell.missed for cell in report.sampled if cell.key == 0o17]
     assert seen == [1]
+
+
+def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rays find the fronts of what a test that is a little too bold takes for backs."""
+
+    def bold(
+        first: np.ndarray, count: np.ndarray, instance: np.ndarray, scale: np.ndarray, cones: np.ndarray,
+        *others: object,
+    ) -> np.ndarray:  # fmt: skip
+        wide = cones.copy()
+        wide[:, 6] -= 0.2
+        return find_turned_away(first, count, instance, scale, wide, *others)
+
+    sound = make_store(tmp_path / "sound", room_parts(), depth=2)
+    assert verify(str(tmp_path / "sound"), samples=1000, cells=20).ok
+    monkeypatch.setattr("storage.store.find_turned_away", bold)
+    store = make_store(tmp_path / "store", room_parts(), depth=2)
+    assert (store.cells["turned_triangles"] >= sound.cells["turned_triangles"]).all()
+    report = verify(str(tmp_path / "store"), samples=1000, cells=20)
+    assert report.missed >= 5
+    assert all("misses the front of a facet that it leaves out of drawable" in line for line in report.problems)
+
+
+def test_a_wrong_count_of_what_is_turned_away_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_store(tmp_path / "store", room_parts(), depth=1)
+    monkeypatch.setattr("storage.store.find_turned_away", lambda *given: ~find_turned_away(*given))
+    report = verify(str(tmp_path / "store"), samples=0, cells=8)
+    assert len(report.problems) == 8
+    assert "triangles of its vLOD are turned away, the table says" in report.problems[0]
 
 
 def test_what_a_sampled_store_misses_is_measured_and_is_no_problem(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from player.renderer.context import abilities
+from player.renderer.facets import CellBox
 from player.renderer.target import Target
 from player.scene import Scene, scene_of
 from player.view import View, looking
@@ -112,6 +113,33 @@ def test_all_paths_draw_the_same_picture(context: moderngl.Context, scene: Scene
     for other in pictures[1:]:
         off = np.abs(other.astype(int) - pictures[0]).max(axis=2)
         assert (off > 2).mean() < 0.001
+
+
+def test_leaving_out_facets_that_turn_their_backs_changes_no_pixel(context: moderngl.Context, scene: Scene) -> None:
+    """From all over some cells, their corners included, in random directions; with mirrored instances in sight."""
+    rng = np.random.default_rng(8)
+    store, size, left_out = scene.store, (96, 54), 0
+    for force in ({}, {"force_gl33": True}):
+        able = abilities(context, **force)
+        target = Target(context, size, samples=0, reversed_depth=able.reversed_depth)
+        walk = Walkthrough(scene, context, able, Settings())
+        for number in rng.choice(len(store.cells), 12, replace=False).tolist():
+            cell, ids = store.cells[number], store.vlod(number)
+            walk.packs.need(np.arange(len(store.packs)), wait=True)
+            for part in (rng.random(3), rng.integers(0, 2, 3)):
+                place = tuple(cell["lo"] + part * (cell["hi"] - cell["lo"]))
+                view = view_from(place, tuple(rng.normal(size=3)), size=size, near=0.01)
+                pictures = []
+                for box in (None, CellBox(cell["lo"], cell["hi"])):
+                    draws = walk.renderer.prepare(ids, box)
+                    walk.renderer.draw(view, draws, target.framebuffer)
+                    target.resolve()
+                    pictures.append(target.read())
+                assert np.array_equal(*pictures)
+                left_out += draws.turned
+        walk.close()
+        target.release()
+    assert left_out > 0
 
 
 def test_background_is_exactly_transparent_with_and_without_sky(context: moderngl.Context, scene: Scene) -> None:

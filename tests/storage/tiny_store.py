@@ -122,7 +122,6 @@ def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[dict, Octree, 
                 box = placed[mesh][placement]
                 row["lo"] = np.nextafter((box[0] - 2 * grid.step).astype(np.float32), np.float32(-np.inf))
                 row["hi"] = np.nextafter((box[1] + 2 * grid.step).astype(np.float32), np.float32(np.inf))
-                row["cone_axis"], row["cone_angle"] = (0, 0, 1), np.float32(3.1416)
                 row["one_sided"] = part.one_sided
                 drawables.append(row)
             node["lo"], node["hi"] = row["lo"], row["hi"]
@@ -195,6 +194,8 @@ def make_store(
         cell["computed"] = True
         cell["cut_drawables"], cell["cut_triangles"] = len(cut), sizes[cut].sum()
         cell["drawables"], cell["triangles"] = len(ids), sizes[ids].sum()
+        turned = geometry.facets(ids).turned_away(ids, cell["lo"], cell["hi"])
+        cell["turned_triangles"] = turned.triangle_counts.sum()
         cell["proven_drawables"], cell["proven_triangles"] = len(ids), sizes[ids].sum()
         sets.append(ids.astype(np.uint32))
     pairs, _ = neighbours(leaves)

@@ -1,4 +1,4 @@
-"""Pieces as they leave: shapes, borders, closedness, attributes, cones, scales, determinism."""
+"""Pieces as they leave: shapes, borders, closedness, attributes, scales, determinism."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from jobs.detail.face_normals import arc_cosine, face_normals
 from jobs.detail.node import Level
-from jobs.detail.normal_cone import arc_cosine, face_normals
 from jobs.detail.options import DetailOptions
 from jobs.detail.pieces import make_pieces, plan_chunks
 from jobs.importing.model import Placement
@@ -37,11 +37,8 @@ def check_form(piece: Built) -> None:
         assert np.unique(level.triangles).tolist() == list(range(len(level.positions)))
         assert np.linalg.norm(level.normals, axis=1) == pytest.approx(1, abs=1e-5)
         assert (level.source_faces is None) == (number > 0)
-        normals, areas = face_normals(level.positions, level.triangles.astype(np.int32))
+        _, areas = face_normals(level.positions, level.triangles.astype(np.int32))
         assert (areas > 0).all()
-        assert np.linalg.norm(level.cone_axis) == pytest.approx(1, abs=1e-6)
-        inside = np.arccos(np.clip(normals @ level.cone_axis.astype(np.float64), -1, 1))
-        assert inside.max() <= level.cone_angle
         assert isinstance(level.error, float)
 
 
@@ -59,7 +56,6 @@ def test_box_has_one_level_with_hard_edges(tmp_path: Path) -> None:
     assert len(level.positions) == 24  # three normals per corner
     assert sorted(np.unique(np.abs(level.normals)).tolist()) == [0, 1]
     assert level.one_sided
-    assert level.cone_angle == pytest.approx(np.pi)
     assert level.error == 0
     assert level.source_faces is not None
     assert level.source_faces[:, 1].tolist() == list(range(12))
@@ -94,8 +90,6 @@ def test_open_surfaces_are_two_sided(tmp_path: Path) -> None:
     (piece,) = leaves_of(model_of(tmp_path, grid(9, np.zeros((9, 9)))))
     check_form(piece)
     assert not any(level.one_sided for level in piece.levels)
-    assert all(level.cone_angle < 0.01 for level in piece.levels)
-    assert all(level.cone_axis.tolist() == [0, 0, 1] for level in piece.levels)
 
 
 def test_cut_components_join_at_every_level(tmp_path: Path) -> None:
@@ -271,7 +265,7 @@ from tests.jobs.detail.shapes import grid, model_of, leaves_of, sphere
 shapes = sphere(2), grid(5, np.array([[0.01 * (i * j % 3) for i in range(5)] for j in range(5)]))
 for piece in leaves_of(model_of(Path(sys.argv[1]), *shapes), most=24):
     for level in piece.levels:
-        print(level.one_sided, level.error, level.positions.tolist(), level.triangles.tolist(), level.cone_angle)
+        print(level.one_sided, level.error, level.positions.tolist(), level.triangles.tolist())
 """
     outputs = []
     for disabled in ("0", "1"):

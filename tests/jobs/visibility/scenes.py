@@ -36,14 +36,12 @@ def sheet(lo: tuple[int, int, int], hi: tuple[int, int, int], cells: int) -> Mes
 
 
 def soup_of(meshes: list[Mesh], one_sided: bool = False, cluster_size: int = 32) -> Soup:
-    """Each mesh as one drawable, numbered from 0, without useful normal cones."""
+    """Each mesh as one drawable, numbered from 0."""
     n = len(meshes)
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])
     return build_soup(
         np.arange(n),
         np.full(n, one_sided),
-        np.tile([0.0, 0.0, 1.0], (n, 1)),
-        np.full(n, np.pi),
         np.concatenate([points for points, _ in meshes]).astype(np.int32),
         np.concatenate([triangles + start for (_, triangles), start in zip(meshes, starts[:-1], strict=True)]),
         np.array([len(triangles) for _, triangles in meshes]),

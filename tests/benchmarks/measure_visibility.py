@@ -55,7 +55,8 @@ class Finding:
 class Case:
     """A model at its finest, and where persons stand in it."""
 
-    def __init__(self, name: str, folder: Path) -> None:
+    def __init__(self, name: str, folder: Path, seal: float = 0.0) -> None:
+        """Take a model; gaps no wider than `seal`, in metres, count as closed."""
         self.name, _, metres = name.partition("@")
         self.unit = float(metres or 1)
         self.folder = folder / self.name.replace("/", "_").replace(":", "_")
@@ -69,6 +70,7 @@ class Case:
         self.soup = build_soup(
             self.ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
             surfaces.points, surfaces.triangles, surfaces.triangle_counts, EngineSettings().cluster_size,
+            seal / self.unit / self.geometry.grid.step,
         )  # fmt: skip
         self.owner = np.repeat(self.ids, surfaces.triangle_counts)
         corners = surfaces.points[surfaces.triangles] * self.geometry.grid.step
@@ -171,7 +173,7 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     print("model, triangles | cell | tightness: triangles, drawables, proven | ms: median, mean, worst | seen | missed")
     for name in arguments.models:
-        case = Case(name, arguments.work)
+        case = Case(name, arguments.work, settings.seal)
         eyes = case.persons(arguments.cells)
         for size in arguments.sizes:
             row = case.measure(size, eyes, arguments.rays, settings)

@@ -32,7 +32,7 @@ LEAST_SAVED = 0.1
 #: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
 
-#: Goes with a cell's key into the seed of the rays that measure what sampling missed.
+#: Goes with a cell's key into the seed of the rays that measure what an approximate cell misses.
 HOLD_OUT = 0x686F6C64
 
 
@@ -98,7 +98,7 @@ class _Task:
         self._bottom = _bottom(root_key, parameters)
         self._cuts = _cuts(store, root_key, parameters)
         ids = _used(store, self._cuts)
-        self._engine = Engine(_gather(store, ids, parameters.engine.cluster_size), parameters.engine)
+        self._engine = Engine(_gather(store, ids, parameters.engine), parameters.engine)
 
     def cells_of(self, key: int) -> list[_Cell]:
         """The finished cells that a key is parted into, in Morton order; those left open go to `open_keys`."""
@@ -141,7 +141,7 @@ class _Task:
         store, parameters = self._store, self._parameters
 
         def engine_for(cut: np.ndarray) -> Engine:
-            return self._engine.on(_gather(store, cut, parameters.engine.cluster_size))
+            return self._engine.on(_gather(store, cut, parameters.engine))
 
         def look(cut: np.ndarray) -> CellVisibility | None:
             return self._look(engine_for(cut), key, cut, most_triangles)
@@ -155,8 +155,8 @@ class _Task:
             self._expected_step,
         )
         self._expected_step = coarser.step
-        # only sampled cells look at their cut once more
-        engine = engine_for(coarser.cut) if parameters.engine.sampled else self._engine
+        # only approximate cells look at their cut once more
+        engine = engine_for(coarser.cut) if parameters.engine.approximate else self._engine
         return self._finished(engine, key, coarser.cut, coarser.found, coarser.pixel_error)
 
     def _look(self, engine: Engine, key: int, cut: np.ndarray, most_triangles: int | None) -> CellVisibility | None:
@@ -170,7 +170,7 @@ class _Task:
         return engine.visible_from(lo / step, hi / step, cut, most_triangles)
 
     def _finished(self, engine: Engine, key: int, cut: np.ndarray, found: CellVisibility, pixel_error: float) -> _Cell:
-        """A finished cell; the engine of a sampled one holds the cut."""
+        """A finished cell; the engine of an approximate one holds the cut."""
         counts = self._store.drawables["triangles"]
         row = np.zeros((), CELL)
         row["key"] = key
@@ -181,7 +181,7 @@ class _Task:
         for prefix, ids in (("cut_", cut), ("", found.visible), ("proven_", found.proven)):
             row[f"{prefix}drawables"], row[f"{prefix}triangles"] = len(ids), counts[ids].sum(dtype=np.int64)
         settings = self._parameters.engine
-        if settings.sampled:
+        if settings.approximate:
             step, rng = self._store.grid.step, np.random.default_rng([HOLD_OUT, key])
             row["hold_out_rays"] = settings.hold_out_rays
             row["missed_rays"] = engine.count_misses(row["lo"] / step, row["hi"] / step, cut, found.visible, rng)
@@ -302,13 +302,14 @@ def _cut(store: Geometry, key: int, parameters: CellParameters, pixel_error: flo
     return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, _remembered(pixel_error))
 
 
-def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
+def _gather(store: Geometry, ids: np.ndarray, settings: EngineSettings) -> Soup:
     """The triangles of drawables (d,), sorted ids."""
     rows = store.drawables[ids]
     surfaces = store.surfaces(ids)
     return build_soup(
         ids, rows["one_sided"], rows["cone_axis"], rows["cone_angle"],
-        surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
+        surfaces.points, surfaces.triangles, surfaces.triangle_counts,
+        settings.cluster_size, settings.seal / store.grid.step,
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ LEAST_SAVED = 0.1
 #: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
 LEVELS_PER_TASK = 2
 
-#: Goes with a cell's key into the seed of the rays that measure what sampling missed.
+#: Goes with a cell's key into the seed of the rays that measure what an approximate cell misses.
 HOLD_OUT = 0x686F6C64
 
 
@@ -99,7 +99,7 @@ class _Task:
         self._cuts = _cuts(store, root_key, parameters)
         ids = _used(store, self._cuts)
         self._facets = store.facets(ids)
-        self._engine = Engine(_gather(store, ids, parameters.engine.cluster_size), parameters.engine)
+        self._engine = Engine(_gather(store, ids, parameters.engine), parameters.engine)
 
     def cells_of(self, key: int) -> list[_Cell]:
         """The finished cells that a key is parted into, in Morton order; those left open go to `open_keys`."""
@@ -144,7 +144,7 @@ class _Task:
         store, parameters = self._store, self._parameters
 
         def engine_for(cut: np.ndarray) -> Engine:
-            return self._engine.on(_gather(store, cut, parameters.engine.cluster_size))
+            return self._engine.on(_gather(store, cut, parameters.engine))
 
         def look(cut: np.ndarray) -> CellVisibility | None:
             return self._look(engine_for(cut), key, cut, most_triangles)
@@ -158,8 +158,8 @@ class _Task:
             self._expected_step,
         )
         self._expected_step = coarser.step
-        # only sampled cells look at their cut once more
-        engine = engine_for(coarser.cut) if parameters.engine.sampled else self._engine
+        # only approximate cells look at their cut once more
+        engine = engine_for(coarser.cut) if parameters.engine.approximate else self._engine
         facets = store.facets(coarser.found.visible)
         return self._finished(engine, facets, key, coarser.cut, coarser.found, coarser.pixel_error)
 
@@ -176,7 +176,7 @@ class _Task:
     def _finished(
         self, engine: Engine, facets: Facets, key: int, cut: np.ndarray, found: CellVisibility, pixel_error: float
     ) -> _Cell:
-        """A finished cell; the engine of a sampled one holds the cut, `facets` all that is visible."""
+        """A finished cell; the engine of an approximate one holds the cut, `facets` all that is visible."""
         counts = self._store.drawables["triangles"]
         row = np.zeros((), CELL)
         row["key"] = key
@@ -189,7 +189,7 @@ class _Task:
         turned = facets.turned_away(found.visible, row["lo"], row["hi"])
         row["turned_triangles"] = turned.triangle_counts.sum()
         settings = self._parameters.engine
-        if settings.sampled:
+        if settings.approximate:
             step, rng = self._store.grid.step, np.random.default_rng([HOLD_OUT, key])
             row["hold_out_rays"] = settings.hold_out_rays
             row["missed_rays"] = engine.count_misses(row["lo"] / step, row["hi"] / step, cut, found.visible, rng)
@@ -310,12 +310,13 @@ def _cut(store: Geometry, key: int, parameters: CellParameters, pixel_error: flo
     return choose_cut(store.nodes, store.drawables, lo, hi, parameters.pixel_angle, _remembered(pixel_error))
 
 
-def _gather(store: Geometry, ids: np.ndarray, cluster_size: int) -> Soup:
+def _gather(store: Geometry, ids: np.ndarray, settings: EngineSettings) -> Soup:
     """The triangles of drawables (d,), sorted ids."""
     rows = store.drawables[ids]
     surfaces = store.surfaces(ids)
     return build_soup(
-        ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts, cluster_size,
+        ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts,
+        settings.cluster_size, settings.seal / store.grid.step,
     )  # fmt: skip
 
 

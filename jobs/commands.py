@@ -80,6 +80,13 @@ class _Corners(click.Option):
     help="Keep for each cell what rays from it meet, and nothing else: an approximation that may miss what can be "
     "seen. The chance of a wrong pixel is measured with other rays and stored. Default: miss nothing.",
 )
+@click.option(
+    "--seal",
+    type=float,
+    metavar="DISTANCE",
+    help="Gaps narrower than this, in model units, count as closed: an approximation that may miss what is seen "
+    "through them. How much is missed is measured and stored. Default: no gap is closed.",
+)
 @click.option("--screen-height", type=int, default=1080, show_default=True, help="Of the viewer's screen, in pixels.")
 @click.option(
     "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
@@ -281,7 +288,7 @@ def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from storage.info import SAMPLED
+    from storage.info import MAY_MISS
 
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")
@@ -290,7 +297,7 @@ def _print_verification(report: dict[str, Any]) -> None:
     table.add_row("rays", f"{report['rays']:,}")
     table.add_row("missed drawables", f"{report['missed']:,}")
     table.add_row("missed pixels", _chance(report["missed_rays"], report["uniform_rays"]))
-    if report["sampled"]:
+    if report["approximation"]:
         table.add_row("missed pixels, as stored", _chance(report["stored_missed_rays"], report["stored_rays"]))
     for unit, value in report["tightness"].items():
         table.add_row(f"reported / seen {unit}", "-" if value is None else f"{value:.2f}")
@@ -302,7 +309,9 @@ def _print_verification(report: dict[str, Any]) -> None:
     if report["problems_untold"]:
         console.print(f"and {report['problems_untold']} more")
     verdict = "sound" if report["ok"] else "NOT sound"
-    console.print(f"{verdict}; {SAMPLED}" if report["sampled"] else verdict, soft_wrap=True)
+    if report["approximation"]:
+        verdict += "; " + MAY_MISS.format(report["approximation"])
+    console.print(verdict, soft_wrap=True)
 
 
 def _chance(missed: int, rays: int) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from jobs.plots import box_map, histogram, lines, share_legend, share_map
 from storage import open_store
 from storage.errors import ParameterError
-from storage.info import SAMPLED
+from storage.info import MAY_MISS
 
 #: The film's width in pixels, and how long each of its frames stays, in milliseconds.
 FILM_WIDTH, FILM_FRAME = 640, 60
@@ -250,15 +250,16 @@ def _certificate(store: Any, play: dict[str, Any]) -> Iterable[str]:
     reported, proven, cut = (cells[name].astype(np.int64) for name in counted)
     whole = max(int(cut.sum()), 1)
     parts = [100 * int(part.sum()) / whole for part in (proven, reported - proven, cut - reported)]
-    sampled = store.manifest.sampled
-    hidden = "met by no ray" if sampled else "proven hidden"
+    approximation = store.manifest.approximation
+    hidden = "left out" if approximation else "proven hidden"
     yield _paragraph(
         f"Of the triangles that stand for the model in its cells {parts[0]:.2f} % are proven visible, {parts[2]:.2f} % "
         f"{hidden} and {parts[1]:.2f} % undecided: these are drawn, perhaps in vain."
     )
-    if sampled:
+    if approximation:
         rays, missed = (int(cells[name].sum(dtype=np.int64)) for name in ("hold_out_rays", "missed_rays"))
-        yield _paragraph(f"The store was {SAMPLED}: {missed:,} of {rays:,} rays met what is left out.")
+        caution = MAY_MISS.format(approximation)
+        yield _paragraph(f"The store was {caution}: {missed:,} of {rays:,} rays met what is left out.")
     up = "xyz".index(store.manifest.model["up"])
     across = [axis for axis in range(3) if axis != up]
     height = float(np.median([row["position"][up] for row in play["frames"]]))

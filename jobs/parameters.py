@@ -49,6 +49,7 @@ class BuildParameters:
     cell_size: float | None = None  # cells are not split below this edge; takes the place of max_depth
     pixel_error: float = 1.0  # allowed error, in pixels
     sampled: bool = False  # cells hold what rays meet: smaller, but may miss what can be seen
+    seal: float | None = None  # gaps narrower than this count as closed: may miss what is seen through; None: none do
     screen_height: int = 1080  # in pixels
     field_of_view: float = 60.0  # vertical, in degrees
     object_triangles: int = 1000  # t1 of Partition I: parts with more are split if they are large or long
@@ -77,7 +78,11 @@ class BuildParameters:
             raise ParameterError(f"the quality must be one of {', '.join(QUALITY_NAMES)}, not {self.quality!r}")
         if not 0 <= self.max_depth <= MAX_DEPTH:
             raise ParameterError(f"the depth of the octree must be from 0 to {MAX_DEPTH}, not {self.max_depth}")
-        for name, value in (("cell size", self.cell_size), ("pixel error", self.pixel_error)):
+        for name, value in (
+            ("cell size", self.cell_size),
+            ("pixel error", self.pixel_error),
+            ("distance to seal", self.seal),
+        ):
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ParameterError(f"the {name} must be positive, not {value}")
         self.detail()
@@ -86,6 +91,10 @@ class BuildParameters:
             raise ParameterError(
                 f"the visibility engine must be {' or '.join(METHODS)}, not {self.visibility_engine!r}"
             )
+        if self.seal is not None and self.sampled:
+            raise ParameterError("--seal closes gaps for what hides, --sampled asks rays alone: use one of the two")
+        if self.seal is not None and self.visibility_engine != METHODS[0]:
+            raise ParameterError(f"--seal works with --visibility-engine {METHODS[0]}, not {self.visibility_engine}")
         if self.up not in (None, "x", "y", "z"):
             raise ParameterError(f"up must be x, y or z, not {self.up!r}")
 

@@ -55,6 +55,8 @@ TABLES_PER_NODE = 3000
 #: triangle.
 CELLS_PER_TRIANGLE = 400
 CELLS_REST = 100 << 20
+#: And where gaps count as closed: 8 gaps of 29 bytes at most for each of one and a half edges.
+CELLS_SEALED_PER_TRIANGLE = 400
 
 #: Bytes for each cell while all are laid out.
 LAYOUT_PER_CELL = 2000
@@ -232,7 +234,12 @@ def engine_settings(parameters: BuildParameters) -> dict[str, Any]:
 
     settings = QUALITIES[parameters.quality]
     return dataclasses.asdict(
-        dataclasses.replace(settings, method=parameters.visibility_engine, sampled=parameters.sampled)
+        dataclasses.replace(
+            settings,
+            method=parameters.visibility_engine,
+            sampled=parameters.sampled,
+            seal=parameters.seal or 0.0,
+        )
     )
 
 
@@ -278,11 +285,13 @@ class CellsPlan:
         return [self._task(key, triangles) for key, triangles in left]
 
     def _task(self, root: int, triangles: int) -> Task:
+        engine = self._options.engine
+        each = CELLS_PER_TRIANGLE + (CELLS_SEALED_PER_TRIANGLE if engine.seal else 0)
         return Task(
             stages.CELLS,
             {"geometry": self._tables.record["content"], "root": root, "parameters": self._parameters},
             {"tables": self._tables.key},
-            PROCESS + CELLS_REST + self._options.engine.image_bytes + CELLS_PER_TRIANGLE * triangles,
+            PROCESS + CELLS_REST + engine.image_bytes + each * triangles,
         )
 
 

@@ -5,7 +5,7 @@ What is checked:
 - every delta across a boundary is consistent with the vLODs of both its cells;
 - every cell's vLOD is part of its cut, and the cut stands for every node once, at an error below the pixel error;
 - rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`), and no fronts
-  of the facets that are not drawn there; in a store made with --sampled, how many do is measured instead.
+  of the facets that are not drawn there; in a store made with --sampled or --seal, how many do is measured instead.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class VerifyReport:
     boundaries: int  # boundaries whose deltas were checked
     samples: int  # rays asked for in each sampled cell
     seed: int
-    approximate: bool  # the store was made by sampling: what it misses is measured and is no problem
+    approximation: str | None  # the option that lets the store miss something: that is measured and is no problem
     sampled: list[CellFindings] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     stored_rays: int = 0  # hold-out rays of the sampled cells, as the store says
@@ -120,7 +120,7 @@ class VerifyReport:
             "samples_per_cell": self.samples,
             "rays": self.rays,
             "missed": self.missed,
-            "sampled": self.approximate,
+            "approximation": self.approximation,
             "uniform_rays": self.uniform_rays,
             "missed_rays": self.missed_rays,
             "stored_rays": self.stored_rays,
@@ -173,7 +173,12 @@ def verify(
     store = open_store(url)
     computed = np.flatnonzero(store.cells["computed"])
     report = VerifyReport(
-        store=url, cells=len(computed), boundaries=0, samples=samples, seed=seed, approximate=store.manifest.sampled
+        store=url,
+        cells=len(computed),
+        boundaries=0,
+        samples=samples,
+        seed=seed,
+        approximation=store.manifest.approximation,
     )
     for count, problem in enumerate(store.check(), 1):
         report.tell(count, str(problem))
@@ -190,7 +195,7 @@ def verify(
                     report.sampled.append(found[0])
                     report.stored_rays += int(store.cells["hold_out_rays"][cell])
                     report.stored_missed_rays += int(store.cells["missed_rays"][cell])
-                    if not report.approximate:
+                    if report.approximation is None:
                         for count, line in enumerate(_accusations(store, int(cell), found[1]), before + 1):
                             report.tell(count, line)
                 if progress is not None:

@@ -39,7 +39,7 @@ _KINDS = {
 _UNITS = ("drawables", "triangles")
 
 #: How a store says that it may miss something.
-SAMPLED = "made by sampling (--sampled): cells may miss what can be seen"
+MAY_MISS = "made with {}: cells may miss what can be seen"
 
 
 class Section(NamedTuple):
@@ -73,7 +73,7 @@ def collect(store: Store) -> dict[str, Any]:
         "version": manifest.version,
         "model": dict(manifest.model),
         "parameters": dict(manifest.parameters),
-        "sampled": manifest.sampled,
+        "approximation": manifest.approximation,
         "pixel_angle": manifest.pixel_angle,
         "counts": manifest.counts,
         "levels": _levels(store),
@@ -214,7 +214,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
                 ("digest", str(model["digest"])),
                 ("instances", f"{counts['instances']:,}"),
                 ("nodes", f"{counts['nodes']:,}, {counts['leaves']:,} of them leaves"),
-                *([("approximation", SAMPLED)] if facts["sampled"] else []),
+                *([("approximation", MAY_MISS.format(how))] if (how := facts["approximation"]) else []),
                 ("pixel angle", f"{facts['pixel_angle']:.3g} model units per unit of distance"),
             ],
         ),
@@ -234,7 +234,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
         ),
     ]
     if cells["computed"]:
-        found += _cell_sections(cells, facts["sampled"])
+        found += _cell_sections(cells, facts["approximation"] is not None)
     else:
         found.append(Section("Cells", (), [("computed", f"0 of {cells['cells']:,}")]))
     sizes = facts["bytes"]
@@ -251,7 +251,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
     return found
 
 
-def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
+def _cell_sections(cells: dict[str, Any], approximate: bool) -> list[Section]:
     depths = [f"{count:,} at depth {depth}" for depth, count in cells["depths"].items()]
     above = cells["above_target"]
     rows = [
@@ -271,11 +271,11 @@ def _cell_sections(cells: dict[str, Any], sampled: bool) -> list[Section]:
         ),
         ("tightness at most", f"{_times(cells['tightness'])} (triangles reported / proven visible)"),
     ]
-    if sampled:
+    if approximate:
         rays, missed = cells["hold_out_rays"], cells["missed_rays"]
         rows.append(("missed pixels", f"{missed / max(1, rays):.2g} ({missed:,} of {rays:,} rays)"))
     counts = {unit: [cells[f"{kind}_{unit}"] for kind in ("proven", "reported", "cut")] for unit in _UNITS}
-    hidden = "met by no ray" if sampled else "proven hidden"
+    hidden = "left out" if approximate else "proven hidden"
     certificate = [
         (
             name,

@@ -53,9 +53,12 @@ class Manifest:
         return {**self.geometry["counts"], **cells}
 
     @property
-    def sampled(self) -> bool:
-        """Whether cells hold what rays met, and so may miss what can be seen (`vlod build --sampled`)."""
-        return bool(self.parameters.get("sampled", False))
+    def approximation(self) -> str | None:
+        """The option of `vlod build` because of which cells may miss what can be seen; None: nothing is missed."""
+        if self.parameters.get("sampled"):
+            return "--sampled"
+        seal = self.parameters.get("seal")
+        return None if seal is None else f"--seal {seal:g}"
 
     def shards(self) -> Iterator[tuple[str, ShardRecord]]:
         """What each shard is for (tables, geometry, cell table, cells), and the shard."""

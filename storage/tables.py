@@ -94,7 +94,7 @@ CELL = np.dtype(
         ("turned_triangles", "<u8"),  # of these, in facets that show the cell only their backs: not drawn
         ("proven_drawables", "<u4"),  # of these, proven visible: a ray from the cell surely meets them first
         ("proven_triangles", "<u8"),
-        ("hold_out_rays", "<u4"),  # rays that measured what sampling missed (--sampled); 0: the vLOD misses nothing
+        ("hold_out_rays", "<u4"),  # rays that measured what is missed (--sampled, --seal); 0: nothing is
         ("missed_rays", "<u4"),  # of these, met first what is not in the vLOD
     ]
 )

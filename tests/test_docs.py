@@ -43,7 +43,7 @@ def test_the_docs_know_the_option_and_its_default():
         ("shared", [plan.SHARED_PER_TRIANGLE, plan.SHARED_PER_PLACEMENT, plan.SHAPES_PER_PIECE]),
         ("nodes", [plan.NODES_TRIANGLES, plan.DETAIL_PER_TRIANGLE, plan.SHAPES_PER_PIECE]),
         ("tables", [plan.TABLES_PER_NODE]),
-        ("cells", [plan.CELLS_PER_TRIANGLE, plan.CELLS_REST >> 20]),
+        ("cells", [plan.CELLS_PER_TRIANGLE, plan.CELLS_REST >> 20, plan.CELLS_SEALED_PER_TRIANGLE]),
         ("GLB, glTF", [TEXTURES_KEPT >> 20]),
         ("step", [plan.PROCESS >> 20]),
         ("import", [plan.IMPORT_PROCESS >> 20]),

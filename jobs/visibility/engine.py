@@ -13,6 +13,7 @@ from jobs.visibility import aimed_rays, item_buffer, occludees, occluders, ray_t
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
+from jobs.visibility.seals import ROWS, UNKNOWN, Seals
 from jobs.visibility.shrunk_occluders import ShrunkOccluders
 from jobs.visibility.soup import Soup
 
@@ -36,9 +37,16 @@ HOPELESS = 2
 FARTHEST = 8.0
 
 
+#: No gap counts as closed.
+NO_SEALS = Seals(
+    np.zeros(1, np.int64), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0, np.int8), np.zeros((0, 2)),
+    np.ones(3), np.zeros(1),
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class EngineSettings:
-    """How hard the engine tries; every setting but `sampled` is safe, they only trade time for tightness."""
+    """How hard the engine tries; all settings but `sampled` and `seal` are safe: they only trade time for tightness."""
 
     method: str = METHODS[0]  # one of jobs.visibility.methods
     resolution: int = 96  # pixels along the edge of a cube face
@@ -53,12 +61,18 @@ class EngineSettings:
     shafts: int = 20_000  # looked at to decide what is neither proven visible nor hidden, all together
     most_shafts: int = 100  # of one drawable, besides one for each of its triangles
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
+    seal: float = 0.0  # gaps no wider than this, in model units, count as closed: may miss what is seen through them
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
     sampling_aimed_rays: int = 65_536  # at drawables that these do not meet, all together
-    hold_out_rays: int = 10_000  # that measure what a sampled cell misses
+    hold_out_rays: int = 10_000  # that measure what an approximate cell misses
 
     #: Part of the task keys: change it whenever results may change.
     version: int = 5
+
+    @property
+    def approximate(self) -> bool:
+        """Whether cells may miss what can be seen; how much is measured then."""
+        return self.sampled or self.seal > 0
 
     @property
     def image_bytes(self) -> int:
@@ -111,7 +125,7 @@ class Engine:
         """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
-        self._q = np.empty((len(soup.vertices), 3), np.float64)
+        self._q = np.empty((len(soup.vertices) + (ROWS if soup.gaps else 0), 3), np.float64)
         self._side = np.empty(len(soup.triangles), np.int8)
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
@@ -185,9 +199,11 @@ class Engine:
         visible = places[seen]
         if most_reported is not None and soup.triangle_counts[visible].sum() > most_reported:
             return None
-        proven = self._prove(lo, hi, visible, glimpses or self._glimpse(visible))
+        # what is proven to be hidden stands before nothing that can be seen; what is only taken to be may
+        standing = places if soup.gaps else visible
+        proven = self._prove(lo, hi, visible, standing, glimpses or self._glimpse(visible))
         if decides:
-            visible, proven = self._decide(lo, hi, active, visible, proven, cluster_lo, cluster_hi)
+            visible, proven = self._decide(lo, hi, active, visible, standing, proven, cluster_lo, cluster_hi)
             if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
                 return None
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
@@ -198,14 +214,18 @@ class Engine:
         hi: np.ndarray,
         active: np.ndarray,
         visible: np.ndarray,
+        before: np.ndarray,
         proven: np.ndarray,
         cluster_lo: np.ndarray,
         cluster_hi: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can."""
+        """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can.
+
+        before: (s,) drawables that may stand before what is seen.
+        """
         soup = self.soup
         standing, hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(3))
-        standing[visible] = True
+        standing[before] = True
         seen[proven] = True
         left = visible[~seen[visible]]
         left = left[np.argsort(-soup.triangle_counts[left], kind="stable")]
@@ -251,16 +271,26 @@ class Engine:
         mesh = Mesh(
             self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses
         )  # fmt: skip
-        occluders.cover(
-            mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
-            self.settings.largest_flooded_set, self.settings.smallest_window, self._layers,
-        )  # fmt: skip
+        # first what is sure, then, if gaps count as closed, what is left
+        for seals in (NO_SEALS, *([self._seals(half)] if soup.gaps else [])):
+            occluders.cover(
+                mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
+                self.settings.largest_flooded_set, self.settings.smallest_window, self._layers, seals,
+            )  # fmt: skip
         seen: np.ndarray = occludees.find_visible(
             self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
             cluster_lo, cluster_hi, drawable_lo, drawable_hi, self._layers,
             soup.triangle_counts, -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
         return seen
+
+    def _seals(self, half: np.ndarray) -> Seals:
+        """The soup's gaps, of which nothing is known yet for a cell of half extents (3,) in grid units."""
+        gaps = self.soup.gaps
+        assert gaps is not None
+        count = len(gaps.near)
+        state, closed = np.full(count, UNKNOWN, np.int8), np.empty((count, 2), np.float64)
+        return Seals(gaps.start, gaps.near, gaps.part, state, closed, half, np.array([gaps.distance]))
 
     def _glimpse(self, places: np.ndarray, most_triangles: int | None = None) -> _Glimpses:
         """What item buffers show from the cell's corners.
@@ -286,14 +316,16 @@ class Engine:
                 break
         return _Glimpses(triangle, pixel)
 
-    def _prove(self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, glimpses: _Glimpses) -> np.ndarray:
-        """Which of the drawables (k,) that may be seen surely are, as positions in the soup."""
+    def _prove(
+        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, before: np.ndarray, glimpses: _Glimpses
+    ) -> np.ndarray:
+        """Which of the drawables (k,) that may be seen surely are, as positions in the soup; `before` may hide them."""
         soup = self.soup
         proven = np.zeros(len(soup.drawables), np.bool_)
         if not self.settings.proof_resolution:
             return visible[:0]
         standing = np.zeros(len(soup.drawables), np.bool_)
-        standing[visible] = True
+        standing[before] = True
         half = 0.5 * (hi - lo)
         eyes = 0.5 * (lo + hi) + half * EYE * np.array(PROOF_CORNERS)[: len(glimpses.triangle)]
         aimed_rays.confirm(

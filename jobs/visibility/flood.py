@@ -59,7 +59,13 @@ def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np
 
 @kernel()
 def core_window(
-    mesh: Mesh, core: np.ndarray, n_core: int, face: int, resolution: int, polygon: np.ndarray
+    q: np.ndarray,
+    triangles: np.ndarray,
+    core: np.ndarray,
+    n_core: int,
+    face: int,
+    resolution: int,
+    polygon: np.ndarray,
 ) -> tuple[bool, int, int, int, int, float]:
     """Pixels (both ends included) whose centres a core may cover on a face, and its nearest depth there.
 
@@ -67,7 +73,6 @@ def core_window(
     """
     u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
     nearest = np.inf
-    q, triangles = mesh.q, mesh.triangles
     for k in range(n_core):
         a, b, c = triangles[core[k], 0], triangles[core[k], 1], triangles[core[k], 2]
         n, near, _ = clip_triangle(q, a, b, c, face, resolution, polygon)
@@ -98,7 +103,7 @@ class Images(NamedTuple):
 
 
 @kernel(inline="always")
-def _look_at(
+def look_at(
     q: np.ndarray,
     known: np.ndarray,
     rows: np.ndarray,
@@ -174,9 +179,9 @@ def flood_from(
         t = flood[head]
         head += 1
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ahead = _look_at(q, known, rows, is_ahead, a, face, half, farthest)
-        ahead &= _look_at(q, known, rows, is_ahead, b, face, half, farthest)
-        ahead &= _look_at(q, known, rows, is_ahead, c, face, half, farthest)
+        ahead = look_at(q, known, rows, is_ahead, a, face, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, b, face, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, c, face, half, farthest)
         if head > n_core and (
             not ahead
             or (
@@ -198,7 +203,7 @@ def flood_from(
                     touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
             if not touches:
                 continue
-            partner = _partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
+            partner = find_partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             if partner >= 0 and n_flood < flood.shape[0]:
@@ -217,7 +222,7 @@ def flood_from(
 
 
 @kernel(inline="always")
-def _partner(
+def find_partner(
     side: np.ndarray,
     usable: np.ndarray,
     triangles: np.ndarray,

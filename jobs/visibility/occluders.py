@@ -35,8 +35,10 @@ import numpy as np
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
+from jobs.visibility.gaps import MOST
 from jobs.visibility.layers import add_layer, pixel_hides
 from jobs.visibility.occludees import box_hidden_on
+from jobs.visibility.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
 from jobs.visibility.silhouettes import lower_limits
 from storage.kernels import allocating_kernel, kernel
 
@@ -112,6 +114,7 @@ def cover(
     largest_set: int,
     smallest_window: int,
     layers: np.ndarray,
+    seals: Seals,
 ) -> tuple[int, int, int]:
     """Draw the occlusion of all usable triangles, nearest clusters first, into layers.
 
@@ -126,6 +129,8 @@ def cover(
         largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
         smallest_window: cores whose image has fewer pixels on a face are not tried there.
         layers: (6, r, r, k, 2) float32, cleared before; receives what is hidden, see `layers`.
+        seals: gaps at which floods go on; where there are none, nothing is approximate. Else only sets that close some
+            are drawn, and `mesh.q` has seals.ROWS rows more than there are vertices.
 
     Returns:
         (cores drawn, triangles flooded, pixels covered): counts for profiling.
@@ -146,6 +151,15 @@ def cover(
     limit = np.empty((resolution, resolution), np.float64)
     deepest = np.empty((resolution, resolution), np.float64)
     rows = np.empty((resolution, 2), np.int32)
+    sealed = seals.near.shape[0] > 0
+    sealing = Sealing(
+        np.empty((3 * largest_set if sealed else 0, 2), np.int32), np.zeros((n if sealed else 0, 4), np.int32),
+        np.empty((MOST, 2), np.float64), np.empty(MOST, np.int64), np.empty(ROWS if sealed else 0, np.int64),
+        np.empty((ROWS if sealed else 0, 3), np.int32), np.empty(3, np.float64),
+    )  # fmt: skip
+    touched = np.empty((resolution, resolution) if sealed else (0, 0), np.float64)
+    in_order = np.arange(ROWS if sealed else 0).astype(np.int32)
+    n_core_strips, n_strips = 0, 0
     q, triangles, usable = mesh.q, mesh.triangles, mesh.usable
     cores, flooded, pixels = 0, 0, 0
     for face in range(6):
@@ -159,7 +173,15 @@ def cover(
                     continue
                 n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], face + 1, cored, core)
                 n_core = min(n_core, largest_set)
-                found, i0, i1, j0, j1, near = core_window(mesh, core, n_core, face, resolution, polygon)
+                found, i0, i1, j0, j1, near = core_window(q, triangles, core, n_core, face, resolution, polygon)
+                if sealed:
+                    n_core_strips = core_strips(mesh, seals, sealing, core, n_core, seen)
+                    beside, k0, k1, l0, l1, near_beside = core_window(
+                        q, sealing.strips, in_order, n_core_strips, face, resolution, polygon
+                    )
+                    if found and beside:
+                        i0, i1, j0, j1 = min(i0, k0), max(i1, k1), min(j0, l0), max(j1, l1)
+                        near = min(near, near_beside)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
                 if not _open_pixels(layers, face, i0, i1, j0, j1, near, deepest, limit):
@@ -168,22 +190,44 @@ def cover(
                     _draw_triangle(
                         q, triangles, core[k], face, (i0, i1, j0, j1), polygon, True, farthest, deepest, limit
                     )
+                for k in range(n_core_strips):
+                    _draw_triangle(
+                        q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, True, farthest, deepest, limit
+                    )
                 i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
                 if i0 > i1:
                     continue
                 epoch += 1
-                n_flood, n_drawn, n_unsafe = flood_from(
-                    mesh, images, core, n_core, face, resolution, farthest, max(near, 1.5), (i0, i1, j0, j1),
-                    epoch, seen, flood, drawn, unsafe, sweep,
-                )  # fmt: skip
+                if sealed:
+                    n_flood, n_sure, n_drawn, n_unsafe, n_strips = flood_sealed(
+                        mesh, images, seals, sealing, core, n_core, n_core_strips, face, resolution, farthest,
+                        max(near, 1.5), (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
+                    )  # fmt: skip
+                else:
+                    n_flood, n_drawn, n_unsafe = flood_from(
+                        mesh, images, core, n_core, face, resolution, farthest, max(near, 1.5), (i0, i1, j0, j1),
+                        epoch, seen, flood, drawn, unsafe, sweep,
+                    )  # fmt: skip
+                    n_sure = n_drawn
                 flooded += n_flood
                 cores += 1
                 if n_unsafe < 0:
                     continue
-                for k in range(n_drawn):
+                for k in range(n_sure):
                     _draw_triangle(
                         q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
                     )
+                if n_strips > 0:
+                    touched[j0 : j1 + 1, i0 : i1 + 1] = 0.0
+                    for k in range(n_strips):
+                        for target in (deepest, touched):
+                            _draw_triangle(
+                                q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, target, limit
+                            )
+                    for k in range(n_sure, n_drawn):
+                        _draw_triangle(
+                            q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, touched
+                        )
                 if not lower_limits(
                     q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, deepest, limit
                 ):

@@ -11,6 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.visibility import topology
+from jobs.visibility.gaps import find_gaps
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Narrow gaps of a soup: see `gaps.find_gaps`."""
+
+    distance: float  # that they are no wider than, in grid units
+    start: np.ndarray  # (e + 1,) int64
+    near: np.ndarray  # (g,) int32
+    part: np.ndarray  # (g, 2) float32
 
 
 @dataclass(frozen=True)
@@ -37,6 +48,7 @@ class Soup:
     cluster_lo: np.ndarray  # (k, 3) float64
     cluster_hi: np.ndarray  # (k, 3) float64
     cluster_breadth: np.ndarray  # (k,) float64 how broad an image the sheet that the cluster belongs to can have
+    gaps: Gaps | None = None  # that count as closed; None: there are none
 
     def places(self, ids: np.ndarray) -> np.ndarray:
         """Positions in `drawables` of the given ids, all of which must be there."""
@@ -53,6 +65,7 @@ def build_soup(
     corners: np.ndarray,
     counts: np.ndarray,
     cluster_size: int = 32,
+    seal: float = 0.0,
 ) -> Soup:
     """Weld the drawables' triangles by position, find their edges and cut them into clusters.
 
@@ -62,6 +75,7 @@ def build_soup(
         points: (n, 3) int32 positions in grid units; corners: (m, 3) triangles into them, one drawable after the other.
         counts: (d,) int64 triangles of each drawable.
         cluster_size: most triangles in a cluster.
+        seal: gaps no wider than this, in grid units, count as closed; 0: none.
 
     Triangles without area (after snapping to the grid) cannot be seen and hide nothing; they are left out.
     """
@@ -76,7 +90,7 @@ def build_soup(
     welded, owner = welded[keep], owner[keep]
 
     with np.errstate(over="ignore"):
-        triangle_edges, _, start, uses = topology.edges(welded)
+        triangle_edges, edge_vertices, start, uses = topology.edges(welded)
     order, offsets = topology.clusters(triangle_edges, start, uses, owner, cluster_size)
     welded, owner = welded[order], owner[order]
     triangle_edges = triangle_edges[order]
@@ -97,6 +111,12 @@ def build_soup(
     else:
         cluster_lo = cluster_hi = np.zeros((0, 3))
         cluster_breadth = np.zeros(0)
+    gaps = None
+    if seal > 0:
+        found = find_gaps(
+            vertices, welded, edge_vertices, start, uses.astype(np.int32), offsets, cluster_lo, cluster_hi, seal
+        )
+        gaps = Gaps(seal, *found) if len(found[1]) else None
     drawable_clusters = np.searchsorted(cluster_drawable, np.arange(len(ids) + 1)).astype(np.int32)
     drawable_lo = np.full((len(ids), 3), 1.0)
     drawable_hi = np.full((len(ids), 3), -1.0)
@@ -122,6 +142,7 @@ def build_soup(
         cluster_lo=cluster_lo,
         cluster_hi=cluster_hi,
         cluster_breadth=cluster_breadth,
+        gaps=gaps,
     )
 
 

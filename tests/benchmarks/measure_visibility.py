@@ -58,7 +58,8 @@ class Finding:
 class Case:
     """A model at its finest, and where persons stand in it."""
 
-    def __init__(self, name: str, folder: Path) -> None:
+    def __init__(self, name: str, folder: Path, seal: float = 0.0) -> None:
+        """Take a model; gaps no wider than `seal`, in metres, count as closed."""
         self.name, _, metres = name.partition("@")
         self.unit = float(metres or 1)
         self.folder = folder / self.name.replace("/", "_").replace(":", "_")
@@ -70,13 +71,9 @@ class Case:
         rows = self.geometry.drawables[self.ids]
         surfaces = self.geometry.surfaces(self.ids)
         self.soup = build_soup(
-            self.ids,
-            rows["one_sided"],
-            surfaces.points,
-            surfaces.triangles,
-            surfaces.triangle_counts,
-            EngineSettings().cluster_size,
-        )
+            self.ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts,
+            EngineSettings().cluster_size, seal / self.unit / self.geometry.grid.step,
+        )  # fmt: skip
         self.owner = np.repeat(self.ids, surfaces.triangle_counts)
         corners = surfaces.points[surfaces.triangles] * self.geometry.grid.step
         self.triangles = np.ascontiguousarray(corners, np.float32)
@@ -189,7 +186,7 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     print("model, triangles | cell | tightness: triangles, drawables, proven | ms: median, mean, worst | seen | missed")
     for name in arguments.models:
-        case = Case(name, arguments.work)
+        case = Case(name, arguments.work, settings.seal)
         eyes = case.places(arguments.cells) if arguments.anywhere else case.persons(arguments.cells)
         for size in arguments.sizes or ((0.001, 0.005, 0.02) if arguments.anywhere else (0.25, 0.5, 1.0)):
             row = case.measure(size * case.longest if arguments.anywhere else size, eyes, arguments.rays, settings)

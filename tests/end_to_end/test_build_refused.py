@@ -69,6 +69,21 @@ def test_a_budget_below_the_coarsest_model(model, tmp_path):
     assert "allow --max-triangles " in said
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--seal", "0"], "distance to seal must be positive, not 0"),
+        (["--seal", "-0.5"], "distance to seal must be positive, not -0.5"),
+        (["--seal", "nan"], "distance to seal must be positive, not nan"),
+        (["--seal", "0.1", "--sampled"], "use one of the two"),
+        (["--seal", "0.1", "--visibility-engine", "shrunk-occluders"], "--visibility-engine flooded-occluders"),
+    ],
+)
+def test_distances_that_seal_nothing_and_options_that_do_not_go_with_them(model, tmp_path, options, words):
+    assert words in refused("build", model, tmp_path / "store", *options)
+    assert not (tmp_path / "store").exists()
+
+
 def test_a_folder_without_models(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "readme.txt").write_text("nothing here")

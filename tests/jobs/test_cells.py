@@ -70,9 +70,9 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
     counts = geometry.drawables["triangles"]
     held: list[list[int]] = []
 
-    def noted(store, ids, cluster_size):
+    def noted(store, ids, settings):
         held[-1].append(int(counts[ids].sum()))
-        return gather(store, ids, cluster_size)
+        return gather(store, ids, settings)
 
     gather = jobs.cells._gather
     monkeypatch.setattr("jobs.cells._gather", noted)

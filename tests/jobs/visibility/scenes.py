@@ -35,8 +35,8 @@ def sheet(lo: tuple[int, int, int], hi: tuple[int, int, int], cells: int) -> Mes
     return np.rint(grid).astype(np.int32), np.concatenate([one, two])
 
 
-def soup_of(meshes: list[Mesh], one_sided: bool = False, cluster_size: int = 32) -> Soup:
-    """Each mesh as one drawable, numbered from 0."""
+def soup_of(meshes: list[Mesh], one_sided: bool = False, cluster_size: int = 32, seal: float = 0.0) -> Soup:
+    """Each mesh as one drawable, numbered from 0; seal: see `build_soup`."""
     n = len(meshes)
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])
     return build_soup(
@@ -46,6 +46,7 @@ def soup_of(meshes: list[Mesh], one_sided: bool = False, cluster_size: int = 32)
         np.concatenate([triangles + start for (_, triangles), start in zip(meshes, starts[:-1], strict=True)]),
         np.array([len(triangles) for _, triangles in meshes]),
         cluster_size,
+        seal,
     )
 
 

@@ -78,6 +78,8 @@ class Oracle:
         in scenes of which none holds two one-sided triangles that lie back to back.
         """
         found, distance = self._scene.hit(origins, directions)
+        if not len(self._triangles):
+            return found, distance
         back = self._backs(found, directions)
         if back.any():
             found[back], distance[back] = self._cast_through_backs(origins[back], directions[back])
@@ -85,7 +87,7 @@ class Oracle:
 
     def _backs(self, triangles: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) bool: which hits are on backs that do not count, of triangles (n,), -1 for none."""
-        corners = self._triangles[triangles].astype(np.float64) if len(self._triangles) else np.zeros((0, 3, 3))
+        corners = self._triangles[triangles].astype(np.float64)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         back: np.ndarray = (triangles >= 0) & self._one_sided[triangles] & ((normal * directions).sum(axis=1) > 0)
         return back

@@ -140,3 +140,10 @@ def test_rays_start_in_the_cell(low: tuple[float, ...], size: tuple[float, ...],
     points = surface_points(lo, hi, 40, np.random.default_rng(seed)).astype(np.float64)
     assert (points >= lo).all()
     assert (points <= hi).all()
+
+
+def test_where_nothing_is_nothing_is_seen() -> None:
+    oracle = Oracle(np.zeros((0, 3, 3), np.float32), np.zeros(0, np.int64), np.zeros(0, np.bool_))
+    found, distance = oracle.cast(np.zeros((5, 3), np.float32), np.ones((5, 3), np.float32))
+    assert (found == -1).all()
+    assert np.isinf(distance).all()

@@ -58,7 +58,7 @@ class EngineSettings:
     proof_points: int = 1  # corners of the cell from which item buffers are drawn, 8 at most
     aimed_rays: int = 4096  # at drawables that item buffers do not prove visible, all together
     most_aimed_rays: int = 512  # at one of them
-    shafts: int = 20_000  # looked at to decide what is neither proven visible nor hidden, all together
+    shafts: int = 10_000  # looked at to decide what is neither proven visible nor hidden, all together
     most_shafts: int = 100  # of one drawable, besides one for each of its triangles
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     seal: float = 0.0  # gaps no wider than this, in model units, count as closed: may miss what is seen through them
@@ -83,7 +83,7 @@ class EngineSettings:
 
 #: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
 QUALITIES: dict[str, EngineSettings] = {
-    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=4000, most_shafts=20),
+    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=2000, most_shafts=20),
     "normal": EngineSettings(),
     "high": EngineSettings(
         resolution=256,

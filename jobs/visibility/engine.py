@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, item_buffer, occludees, occluders, ray_tree, shafts
+from jobs.visibility import aimed_rays, closing_sets, item_buffer, occludees, occluders, ray_tree, undecided
 from jobs.visibility.flood import Mesh
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
@@ -59,7 +59,7 @@ class EngineSettings:
     aimed_rays: int = 4096  # at drawables that item buffers do not prove visible, all together
     most_aimed_rays: int = 512  # at one of them
     shafts: int = 10_000  # looked at to decide what is neither proven visible nor hidden, all together
-    most_shafts: int = 100  # of one drawable, besides one for each of its triangles
+    least_worth: float = 0.1  # triangles that a shaft must be expected to save
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     seal: float = 0.0  # gaps no wider than this, in model units, count as closed: may miss what is seen through them
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
@@ -83,7 +83,7 @@ class EngineSettings:
 
 #: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
 QUALITIES: dict[str, EngineSettings] = {
-    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=2000, most_shafts=20),
+    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=2000, least_worth=1.0),
     "normal": EngineSettings(),
     "high": EngineSettings(
         resolution=256,
@@ -92,7 +92,7 @@ QUALITIES: dict[str, EngineSettings] = {
         aimed_rays=16_384,
         most_aimed_rays=1024,
         shafts=500_000,
-        most_shafts=5000,
+        least_worth=0.001,
     ),
 }
 
@@ -130,7 +130,8 @@ class Engine:
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
-        self._work = shafts.make_work(len(soup.triangles))
+        self._work = closing_sets.make_work(len(soup.triangles))
+        self._parts = undecided.make_parts()
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
@@ -228,12 +229,12 @@ class Engine:
         standing[before] = True
         seen[proven] = True
         left = visible[~seen[visible]]
-        left = left[np.argsort(-soup.triangle_counts[left], kind="stable")]
-        shafts.decide(
+        closing_sets.forget_marks(self._work)
+        undecided.decide(
             self._scene, standing,
-            shafts.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
-            self._work, left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi,
-            self._layers, self.settings.shafts, self.settings.most_shafts, hidden, seen,
+            closing_sets.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
+            self._work, self._parts, left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi,
+            self._layers, self.settings.shafts, self.settings.least_worth, hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 

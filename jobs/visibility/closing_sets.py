@@ -30,14 +30,14 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.planes import side_of
-from jobs.visibility.ray_tree import STACK, SURELY, Scene, inverse, meets, next_bundle
+from jobs.visibility.ray_tree import STACK, SURELY, Scene, inverse, meets, next_bundle, passes_beside
 from jobs.visibility.shafts import Shaft, apart, edge_meets, part_within, span
 from storage.kernels import allocating_kernel, kernel
 
 #: Most triangles in a set that closes a shaft.
 LARGEST_SET = 256
 #: So many triangles that a segment crosses are tried as the first of a set beside an edge that is not safe.
-EDGE_SEEDS = 2
+EDGE_SEEDS = 4
 #: For so many edges of a set that are not safe another set is looked for.
 MOST_BESIDES = 8
 #: So many edges that keep a shaft open are remembered while it is looked at.
@@ -152,17 +152,18 @@ def _closes_alone(
             return 0
         side = side_in(scene, facets, t, whole, view, shaft, beyond)
         for i in range(3):
+            partner = _partner(scene, facets, t, i, side, whole, view, shaft, beyond, seen, epoch)
+            if partner >= 0 and seen[partner] == epoch:
+                continue
             a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
             first, last = edge_meets(scene.vertices[a], scene.vertices[b], shaft.low, shaft.high)
             if first > last:
                 continue
-            partner = _partner(scene, facets, t, i, side, whole, view, shaft, beyond, seen, epoch)
-            if partner < 0 or (seen[partner] != epoch and size == LARGEST_SET):
+            if partner < 0 or size == LARGEST_SET:
                 return 0
-            if seen[partner] != epoch:
-                flood[size] = partner
-                seen[partner] = epoch
-                size += 1
+            flood[size] = partner
+            seen[partner] = epoch
+            size += 1
     return size
 
 
@@ -188,9 +189,11 @@ def _find_set(
             return 0
         if not standing[scene.triangle_drawable[scene.bundle_start[c]]]:
             continue
+        beside = passes_beside(scene.corners, c, shaft.o, shaft.d, reach)
         for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if (
-                work.seen[1, t] <= begin
+                not beside >> (t - scene.bundle_start[c]) & 1
+                and work.seen[1, t] <= begin
                 and abs(meets(scene.vertices, scene.triangles, t, shaft.o, shaft.d, reach)) == SURELY
                 and side_in(scene, facets, t, whole, view, shaft, beyond) != 0
             ):
@@ -263,11 +266,13 @@ def stays_open(
             return 0.0
         side = side_in(scene, facets, t, whole, shaft, shaft, False)
         for i in range(3):
+            partner = _partner(scene, facets, t, i, side, whole, shaft, shaft, False, seen, epoch)
+            if partner >= 0 and seen[partner] == epoch:
+                continue
             a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
             first, last = edge_meets(scene.vertices[a], scene.vertices[b], shaft.low, shaft.high)
             if first > last:
                 continue
-            partner = _partner(scene, facets, t, i, side, whole, shaft, shaft, False, seen, epoch)
             added = 1
             if partner >= 0:
                 work.flood[1, 0] = partner

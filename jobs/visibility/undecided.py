@@ -27,7 +27,7 @@ from jobs.visibility.aimed_rays import INSET, LEAST_WEIGHT, facing
 from jobs.visibility.closing_sets import OPEN_EDGES, Facets, Work, side_in, stays_open
 from jobs.visibility.occludees import box_hidden, may_touch, triangle_hidden
 from jobs.visibility.planes import side_of
-from jobs.visibility.ray_tree import APART, SAME, SURELY, Scene, inverse, meets, next_bundle
+from jobs.visibility.ray_tree import APART, SAME, SURELY, Scene, inverse, meets, next_bundle, passes_beside
 from jobs.visibility.shafts import Shaft, make_shaft, span
 from storage.kernels import allocating_kernel, kernel
 
@@ -121,7 +121,10 @@ def _look(
         its = scene.triangle_drawable[scene.bundle_start[c]]
         if not standing[its]:
             continue
+        beside = passes_beside(scene.corners, c, o, d, reach)
         for other in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
+            if beside >> (other - scene.bundle_start[c]) & 1:
+                continue
             met = meets(scene.vertices, scene.triangles, other, o, d, reach)
             if met == APART or (met < APART and scene.one_sided[its]):
                 continue

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
-from jobs.visibility.shafts import MOST_EPOCHS, edge_meets, part_within
+from jobs.visibility.closing_sets import MOST_EPOCHS
+from jobs.visibility.shafts import edge_meets, part_within
 
 from .scenes import Mesh, rooms, sheet, soup_of
 

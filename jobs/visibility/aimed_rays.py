@@ -40,13 +40,13 @@ def spread(number: int, dimension: int) -> float:
 
 @kernel()
 def look(
-    scene: Scene, standing: np.ndarray, t: int, drawable: int, wa: float, wb: float, o: np.ndarray, d: np.ndarray,
+    scene: Scene, t: int, drawable: int, wa: float, wb: float, o: np.ndarray, d: np.ndarray,
     over: np.ndarray, stack: np.ndarray, last: int,
 ) -> int:  # fmt: skip
     """Whether a point of a triangle is surely seen from o.
 
     Args:
-        standing: (drawables,) bool what may stand in the way.
+        scene: of what may stand in the way.
         t: a triangle of `drawable`; wa, wb: the weights of its first corners, the third has the rest.
         o: (3,) float64 grid units; d, over: (3,) float64 and stack: (STACK,) int32 are written to.
         last: a triangle that stands in the way perhaps, tried first; negative: none.
@@ -68,7 +68,7 @@ def look(
         backs_pass = scene.one_sided[scene.triangle_drawable[last]]
         if may_block(scene.vertices, scene.triangles, last, backs_pass, o, d, reach):
             return last
-    return find_blocker(scene, standing, drawable, o, d, reach, over, stack)
+    return find_blocker(scene, drawable, o, d, reach, over, stack)
 
 
 @kernel()
@@ -88,13 +88,13 @@ def facing(scene: Scene, t: int, o: np.ndarray, reach: float) -> tuple[float, fl
 
 @allocating_kernel()
 def confirm(
-    scene: Scene, standing: np.ndarray, chosen: np.ndarray, eyes: np.ndarray, half: np.ndarray, triangle: np.ndarray,
+    scene: Scene, chosen: np.ndarray, eyes: np.ndarray, half: np.ndarray, triangle: np.ndarray,
     pixel: np.ndarray, resolution: int, proven: np.ndarray,
 ) -> None:  # fmt: skip
     """Prove of drawables what item buffers show: a ray through a pixel of theirs.
 
     Args:
-        standing: (drawables,) bool what may stand in the way.
+        scene: of what may stand in the way.
         chosen: (c,) int64 drawables to prove.
         eyes: (e, 3) float64 where the item buffers were drawn from, grid units; half: (3,) the cell's half extents.
         triangle: (e, drawables) int32 a triangle that is seen of each drawable, -1: none; pixel: (e, drawables) int32
@@ -116,7 +116,7 @@ def confirm(
             towards[(axis + 1) % 3] = ((2 * i + 1) / resolution - 1.0) * half[(axis + 1) % 3]
             towards[(axis + 2) % 3] = ((2 * j + 1) / resolution - 1.0) * half[(axis + 2) % 3]
             wa, wb = where_met(scene, t, eyes[e], towards)
-            if look(scene, standing, t, drawable, wa, wb, eyes[e], d, over, stack, -1) == SEEN:
+            if look(scene, t, drawable, wa, wb, eyes[e], d, over, stack, -1) == SEEN:
                 proven[drawable] = True
                 break
 
@@ -152,13 +152,13 @@ def start_of(number: int, lo: np.ndarray, hi: np.ndarray, o: np.ndarray) -> None
 
 @allocating_kernel()
 def aim(
-    scene: Scene, standing: np.ndarray, chosen: np.ndarray, first: np.ndarray, lo: np.ndarray, hi: np.ndarray,
+    scene: Scene, chosen: np.ndarray, first: np.ndarray, lo: np.ndarray, hi: np.ndarray,
     begin: int, end: int, proven: np.ndarray,
 ) -> None:  # fmt: skip
     """Rays from all over the cell's surface at all parts of some drawables.
 
     Args:
-        standing: (drawables,) bool what may stand in the way.
+        scene: of what may stand in the way.
         chosen: (c,) int64 drawables to prove.
         first: (drawables + 1,) int32 offsets of the drawables' triangles.
         lo, hi: (3,) float64 the cell in grid units.
@@ -179,7 +179,7 @@ def aim(
             wa = LEAST_WEIGHT + kept * (1.0 - root)
             wb = LEAST_WEIGHT + kept * root * spread(number, 2)
             start_of(number, lo, hi, o)
-            found = look(scene, standing, t, drawable, wa, wb, o, d, over, stack, last)
+            found = look(scene, t, drawable, wa, wb, o, d, over, stack, last)
             if found == SEEN:
                 proven[drawable] = True
                 break
@@ -189,13 +189,13 @@ def aim(
 
 @allocating_kernel()
 def scatter(
-    scene: Scene, standing: np.ndarray, lo: np.ndarray, hi: np.ndarray, rays: int, seen: np.ndarray,
+    scene: Scene, lo: np.ndarray, hi: np.ndarray, rays: int, seen: np.ndarray,
     proven: np.ndarray,
 ) -> None:  # fmt: skip
     """Rays from all over the cell's surface in all directions.
 
     Args:
-        standing: (drawables,) bool all that there is.
+        scene: of all that there is.
         lo, hi: (3,) float64 the cell in grid units.
         rays: how many.
         seen: (drawables,) bool, set to True where a ray meets a drawable first.
@@ -207,25 +207,25 @@ def scatter(
         start_of(number, lo, hi, o)
         for k in range(3):
             towards[k] = 2.0 * spread(number, k) - 1.0
-        t, _ = find_first(scene, standing, o, towards, over, stack)
+        t, _ = find_first(scene, o, towards, over, stack)
         if t < 0:
             continue
         drawable = scene.triangle_drawable[t]
         seen[drawable] = True
         if not proven[drawable]:
             wa, wb = where_met(scene, t, o, towards)
-            if look(scene, standing, t, drawable, wa, wb, o, d, over, stack, -1) == SEEN:
+            if look(scene, t, drawable, wa, wb, o, d, over, stack, -1) == SEEN:
                 proven[drawable] = True
 
 
 @allocating_kernel()
 def count_misses(
-    scene: Scene, standing: np.ndarray, drawn: np.ndarray, starts: np.ndarray, directions: np.ndarray
+    scene: Scene, drawn: Scene, drawable_drawn: np.ndarray, starts: np.ndarray, directions: np.ndarray
 ) -> int:
     """How many rays meet first what is not drawn.
 
     Args:
-        standing: (drawables,) bool all that there is; drawn: (drawables,) bool what is drawn of it.
+        scene: of all that there is; drawn: of what is drawn of it; drawable_drawn: (drawables,) bool the same.
         starts: (n, 3) float64 grid units; directions: (n, 3) float64.
     """
     over = np.empty(3)
@@ -233,11 +233,11 @@ def count_misses(
     missed = 0
     for number in range(len(starts)):
         o, d = starts[number], directions[number]
-        t, at = find_first(scene, standing, o, d, over, stack)
-        if t < 0 or drawn[scene.triangle_drawable[t]]:
+        t, at = find_first(scene, o, d, over, stack)
+        if t < 0 or drawable_drawn[scene.triangle_drawable[t]]:
             continue
         # what lies in the very same place is drawn in its stead
-        other, also = find_first(scene, drawn, o, d, over, stack)
+        other, also = find_first(drawn, o, d, over, stack)
         if other < 0 or also > at * (1.0 + SAME):
             missed += 1
     return missed

@@ -169,7 +169,7 @@ def _closes_alone(
 
 @kernel()
 def _find_set(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
+    scene: Scene, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
     beyond: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that closes a shaft by itself, 0 where none is found: see `_closes_alone`.
@@ -187,8 +187,6 @@ def _find_set(
         c, waiting = next_bundle(scene, shaft.o, shaft.d, work.inverse[1], 1.0, stack, waiting)
         if c < 0:
             return 0
-        if not standing[scene.triangle_drawable[scene.bundle_start[c]]]:
-            continue
         beside = passes_beside(scene.corners, c, shaft.o, shaft.d, reach)
         for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if (
@@ -207,7 +205,7 @@ def _find_set(
 
 @kernel()
 def _set_beside(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, a: int,
+    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, a: int,
     b: int, first: float, last: float, whole: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that all segments through an edge in a shaft cross besides; 0: none found.
@@ -225,7 +223,7 @@ def _set_beside(
         small.o[k] = shaft.o[k]
         small.d[k] = 0.5 * (small.corners[0, k] + small.corners[1, k]) - shaft.o[k]
     span(small, 2)
-    size = _find_set(scene, standing, facets, work, shaft, small, 2, whole, False)
+    size = _find_set(scene, facets, work, shaft, small, 2, whole, False)
     if size:
         return size
     for k in range(3):
@@ -237,12 +235,12 @@ def _set_beside(
         for c in range(count):
             small.corners[c, k] = shaft.corners[c, k]
     span(small, count)
-    return _find_set(scene, standing, facets, work, shaft, small, count, whole, True)
+    return _find_set(scene, facets, work, shaft, small, count, whole, True)
 
 
 @kernel()
 def stays_open(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, seed: int,
+    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, seed: int,
     whole: bool,
 ) -> float:  # fmt: skip
     """Where a shaft stays open (a, from 0 at U to 1 at V) when a set is flooded from a triangle; -1: the set closes it.
@@ -286,7 +284,7 @@ def stays_open(
                 if known:
                     return 0.5 * (first + last)
                 besides += 1
-                added = _set_beside(scene, standing, facets, work, shaft, count, small, a, b, first, last, whole)
+                added = _set_beside(scene, facets, work, shaft, count, small, a, b, first, last, whole)
                 if not added:
                     work.open_edge[e % OPEN_EDGES] = e
                     return 0.5 * (first + last)

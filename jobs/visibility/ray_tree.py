@@ -1,8 +1,8 @@
 """Rays against a soup, through a tree of boxes: what is met first, and what may be in the way.
 
-The tree is built once for a soup and serves all cells: a cell says which of the soup's drawables stand in it. Leaves
-hold a *bundle*, a few neighbouring triangles of one cluster. Halves have equally many bundles, cut across the widest
-extent of their middles.
+The tree is built once for a soup. A cell prunes it to the drawables that stand in it (`prune`), so that rays never meet
+what cannot be seen. Leaves hold a *bundle*, a few neighbouring triangles of one cluster. Halves have equally many
+bundles, cut across the widest extent of their middles.
 
 Everything is in grid units. Corners are integers of at most 24 bits, so differences of corners and the normals made of
 them are exact in float64; a corner seen from a ray's start is rounded once.
@@ -49,6 +49,15 @@ class Scene(NamedTuple):
     corners: np.ndarray  # (b, 9, BUNDLE) float32 coordinates of each bundle's triangles side by side: a last one's again
 
 
+class Ancestry(NamedTuple):
+    """How to get from drawables up to the root of a soup's tree."""
+
+    parent: np.ndarray  # (nodes,) int32; -1 at the root
+    leaf: np.ndarray  # (b,) int32 the node of each bundle
+    first_bundle: np.ndarray  # (drawables + 1,) int32 offsets of the drawables' bundles
+    kept: np.ndarray  # (nodes,) bool scratch, all False
+
+
 def build_scene(
     vertices: np.ndarray,
     triangles: np.ndarray,
@@ -76,6 +85,86 @@ def build_scene(
     else:
         lo = hi = np.zeros((0, 3))
     return Scene(*build_tree(lo, hi), vertices, triangles, start, triangle_drawable, one_sided, side_by_side)
+
+
+def ancestry_of(scene: Scene) -> Ancestry:
+    """The ancestry of a soup's tree, before anything is pruned."""
+    nodes = len(scene.right)
+    inner = np.flatnonzero(scene.bundle < 0)
+    parent = np.full(nodes, -1, np.int32)
+    parent[inner + 1] = inner
+    parent[scene.right[inner]] = inner
+    leaf = np.empty(len(scene.bundle_start) - 1, np.int32)
+    leaves = np.flatnonzero(scene.bundle >= 0)
+    leaf[scene.bundle[leaves]] = leaves
+    owner = scene.triangle_drawable[scene.bundle_start[:-1]]
+    first = np.searchsorted(owner, np.arange(len(scene.one_sided) + 1)).astype(np.int32)
+    return Ancestry(parent, leaf, first, np.zeros(nodes, np.bool_))
+
+
+def prune(scene: Scene, ancestry: Ancestry, standing: np.ndarray) -> Scene:
+    """The same triangles below a tree of some drawables alone, whose boxes hold these alone.
+
+    standing: (s,) int64 drawables.
+    """
+    box, right, bundle, axis = prune_tree(
+        scene.box, scene.right, scene.bundle, scene.axis, ancestry.parent, ancestry.leaf, ancestry.first_bundle,
+        ancestry.kept, standing,
+    )  # fmt: skip
+    return scene._replace(box=box, right=right, bundle=bundle, axis=axis)
+
+
+@allocating_kernel()
+def prune_tree(
+    box: np.ndarray, right: np.ndarray, bundle: np.ndarray, axis: np.ndarray, parent: np.ndarray, leaf: np.ndarray,
+    first_bundle: np.ndarray, kept: np.ndarray, standing: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """The part of a tree above some drawables' bundles: box, right, bundle and axis. Args: see `Scene`, `Ancestry`."""
+    count = 0
+    for drawable in standing:
+        for b in range(first_bundle[drawable], first_bundle[drawable + 1]):
+            count += 1
+            node = leaf[b]
+            while node >= 0 and not kept[node]:
+                kept[node] = True
+                node = parent[node]
+    nodes = max(2 * count - 1, 0)
+    new_box = np.empty((nodes, 2, 3), np.float64)
+    new_right = np.zeros(nodes, np.int32)
+    new_bundle = np.full(nodes, -1, np.int32)
+    new_axis = np.zeros(nodes, np.int8)
+    waiting = np.empty((STACK, 2), np.int32)  # a node, and the new one whose right child it is
+    waiting[0, 0], waiting[0, 1] = 0, -1
+    stack = 1 if count else 0
+    new = 0
+    while stack:
+        stack -= 1
+        node, above = waiting[stack, 0], waiting[stack, 1]
+        while bundle[node] < 0 and not (kept[node + 1] and kept[right[node]]):
+            node = node + 1 if kept[node + 1] else right[node]
+        if above >= 0:
+            new_right[above] = new
+        if bundle[node] >= 0:
+            new_bundle[new] = bundle[node]
+            new_box[new] = box[node]
+        else:
+            new_axis[new] = axis[node]
+            waiting[stack, 0], waiting[stack, 1] = right[node], new
+            waiting[stack + 1, 0], waiting[stack + 1, 1] = node + 1, -1
+            stack += 2
+        new += 1
+    for node in range(nodes - 1, -1, -1):
+        if new_bundle[node] < 0:
+            for k in range(3):
+                new_box[node, 0, k] = min(new_box[node + 1, 0, k], new_box[new_right[node], 0, k])
+                new_box[node, 1, k] = max(new_box[node + 1, 1, k], new_box[new_right[node], 1, k])
+    for drawable in standing:
+        for b in range(first_bundle[drawable], first_bundle[drawable + 1]):
+            node = leaf[b]
+            while node >= 0 and kept[node]:
+                kept[node] = False
+                node = parent[node]
+    return new_box, new_right, new_bundle, new_axis
 
 
 @allocating_kernel()
@@ -282,13 +371,13 @@ def may_block(
 
 @kernel()
 def find_blocker(
-    scene: Scene, standing: np.ndarray, own: int, o: np.ndarray, d: np.ndarray, reach: float, work: np.ndarray,
+    scene: Scene, own: int, o: np.ndarray, d: np.ndarray, reach: float, work: np.ndarray,
     stack: np.ndarray,
 ) -> int:  # fmt: skip
     """A triangle of another drawable that may stand before the point o + d, or -1 where none can.
 
     Args:
-        standing: (drawables,) bool what may block; own: the drawable that is looked at, which never blocks.
+        scene: of what may block; own: the drawable that is looked at, which never blocks.
         o, d, reach: see `may_block`; work: (3,) float64 and stack: (STACK,) int32 are written to.
     """
     inverse(d, work)
@@ -299,7 +388,7 @@ def find_blocker(
         if c < 0:
             return -1
         drawable = scene.triangle_drawable[scene.bundle_start[c]]
-        if drawable == own or not standing[drawable]:
+        if drawable == own:
             continue
         beside = passes_beside(scene.corners, c, o, d, reach)
         for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
@@ -311,7 +400,7 @@ def find_blocker(
 
 @kernel()
 def find_first(
-    scene: Scene, standing: np.ndarray, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray
+    scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray
 ) -> tuple[int, float]:
     """The triangle that a ray from o along d meets first, and where, in ray lengths; -1 where it meets none.
 
@@ -326,8 +415,6 @@ def find_first(
         if c < 0:
             return found, nearest
         drawable = scene.triangle_drawable[scene.bundle_start[c]]
-        if not standing[drawable]:
-            continue
         beside = passes_beside(scene.corners, c, o, d, 0.0)
         for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if beside >> (t - scene.bundle_start[c]) & 1:

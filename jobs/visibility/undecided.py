@@ -77,13 +77,13 @@ def make_parts() -> Parts:
 
 @kernel()
 def _look(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft,
+    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft,
     drawable: int, t: int, weight: float, whole: bool, hint: int,
 ) -> tuple[int, int, float]:  # fmt: skip
     """What becomes of a shaft that is filled in.
 
     Args:
-        standing: (drawables,) bool what is reported: it alone can stand before what is seen.
+        scene: of what is reported: it alone can stand before what is seen.
         count: corners of what is looked at.
         small: scratch.
         t: the triangle of `drawable` that the segment from shaft.o along shaft.d ends in.
@@ -107,7 +107,7 @@ def _look(
         and abs(meets(scene.vertices, scene.triangles, hint, o, d, reach)) == SURELY
         and side_in(scene, facets, hint, whole, shaft, shaft, False) != 0
     ):
-        where = stays_open(scene, standing, facets, work, shaft, count, small, hint, whole)
+        where = stays_open(scene, facets, work, shaft, count, small, hint, whole)
         if where < 0.0:
             return CLOSED, hint, 0.0
     inverse(d, work.inverse[0])
@@ -119,8 +119,6 @@ def _look(
         if c < 0:
             break
         its = scene.triangle_drawable[scene.bundle_start[c]]
-        if not standing[its]:
-            continue
         beside = passes_beside(scene.corners, c, o, d, reach)
         for other in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if beside >> (other - scene.bundle_start[c]) & 1:
@@ -134,7 +132,7 @@ def _look(
                 and work.seen[0, other] <= begin
                 and side_in(scene, facets, other, whole, shaft, shaft, False) != 0
             ):
-                place = stays_open(scene, standing, facets, work, shaft, count, small, other, whole)
+                place = stays_open(scene, facets, work, shaft, count, small, other, whole)
                 if place < 0.0:
                     return CLOSED, other, 0.0
                 if where < 0.0:
@@ -296,7 +294,7 @@ def _worth(turns: Turns, k: int, triangles: int) -> float:
 
 @allocating_kernel()
 def decide(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, parts: Parts, chosen: np.ndarray,
+    scene: Scene, facets: Facets, work: Work, parts: Parts, chosen: np.ndarray,
     first_cluster: np.ndarray, cluster_start: np.ndarray, lo: np.ndarray, hi: np.ndarray, q: np.ndarray,
     q_lo: np.ndarray, q_hi: np.ndarray, layers: np.ndarray, most: int, least_worth: float, hidden: np.ndarray,
     proven: np.ndarray,
@@ -304,7 +302,7 @@ def decide(
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
     Args:
-        standing: (drawables,) bool what is reported.
+        scene: of what is reported: it alone can stand before what is seen.
         work: see `closing_sets.make_work`; parts: see `make_parts`.
         chosen: (c,) int64 drawables to decide.
         first_cluster: (drawables + 1,) int32 offsets into the clusters.
@@ -387,7 +385,7 @@ def decide(
                 found, where = CLOSED, 0.0
             else:
                 found, hint, where = _look(
-                    scene, standing, facets, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
+                    scene, facets, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
                 )
             shafts += 1
             turns.looked[k] += 1

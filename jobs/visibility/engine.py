@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, item_buffer, occludees, occluders, ray_tree, shafts
-from jobs.visibility.flood import Mesh
+from jobs.visibility import aimed_rays, item_buffer, mesh, occludees, occluders, ray_tree, shafts
+from jobs.visibility.clusters import make_clusters
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
 from jobs.visibility.seals import ROWS, UNKNOWN, Seals
@@ -125,8 +125,14 @@ class Engine:
         """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
-        self._q = np.empty((len(soup.vertices) + (ROWS if soup.gaps else 0), 3), np.float64)
-        self._side = np.empty(len(soup.triangles), np.int8)
+        self._mesh = mesh.make_mesh(
+            soup.vertices, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
+            soup.triangle_drawable, soup.one_sided, ROWS if soup.gaps else 0,
+        )  # fmt: skip
+        self._clusters = make_clusters(
+            soup.cluster_start, soup.cluster_drawable, soup.cluster_lo, soup.cluster_hi, soup.cluster_breadth
+        )
+        self._occluders = occluders.make_work(len(soup.vertices), soup.cluster_start, soup.gaps is not None)
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
@@ -173,29 +179,22 @@ class Engine:
         places = soup.places(cut)
         if self.settings.sampled:
             return self._sample(lo, hi, places, most_triangles)
-        active = np.zeros(len(soup.drawables), np.bool_)
-        active[places] = True
         centre = 0.5 * (lo + hi)
         # grown by far more than rounding, so that the cell is inside what is worked with
         half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
-        occluders.to_cell_coordinates(soup.vertices, centre, half, self._q)
-        occluders.find_sides(soup.vertices, soup.triangles, soup.triangle_drawable, active, centre, half, self._side)
+        mesh.begin(self._mesh, places, centre, half)
         glimpses: _Glimpses | None = None
         if most_triangles is not None and soup.triangle_counts[places].sum() > most_triangles:
             # seeing too much already is quicker to find out than how much too much
             glimpses = self._glimpse(places, most_triangles)
             if soup.triangle_counts[glimpses.seen].sum() > most_triangles:
                 return None
-        side = self._side
-        usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
-        cluster_lo = (soup.cluster_lo - centre) / half
-        cluster_hi = (soup.cluster_hi - centre) / half
         decides = self.settings.shafts > 0 and self._shrunk is None
         most_reported = most_triangles if most_triangles is None or not decides else HOPELESS * most_triangles
         if self._shrunk is not None:
-            seen = self._shrunk.find_visible(self._q, side, usable, places, cluster_lo, cluster_hi)
+            seen = self._shrunk.find_visible(self._mesh, places)
         else:
-            seen = self._find_visible(places, active, usable, cluster_lo, cluster_hi, centre, half, most_reported)
+            seen = self._find_visible(places, most_reported)
         visible = places[seen]
         if most_reported is not None and soup.triangle_counts[visible].sum() > most_reported:
             return None
@@ -203,21 +202,13 @@ class Engine:
         standing = places if soup.gaps else visible
         proven = self._prove(lo, hi, visible, standing, glimpses or self._glimpse(visible))
         if decides:
-            visible, proven = self._decide(lo, hi, active, visible, standing, proven, cluster_lo, cluster_hi)
+            visible, proven = self._decide(lo, hi, visible, standing, proven)
             if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
                 return None
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
 
     def _decide(
-        self,
-        lo: np.ndarray,
-        hi: np.ndarray,
-        active: np.ndarray,
-        visible: np.ndarray,
-        before: np.ndarray,
-        proven: np.ndarray,
-        cluster_lo: np.ndarray,
-        cluster_hi: np.ndarray,
+        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, before: np.ndarray, proven: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can.
 
@@ -230,67 +221,35 @@ class Engine:
         left = visible[~seen[visible]]
         left = left[np.argsort(-soup.triangle_counts[left], kind="stable")]
         shafts.decide(
-            self._scene, standing,
-            shafts.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
-            self._work, left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi,
+            self._scene, standing, self._mesh, self._work, left, soup.drawable_clusters, self._clusters, lo, hi,
             self._layers, self.settings.shafts, self.settings.most_shafts, hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 
-    def _find_visible(
-        self,
-        places: np.ndarray,
-        active: np.ndarray,
-        usable: np.ndarray,
-        cluster_lo: np.ndarray,
-        cluster_hi: np.ndarray,
-        centre: np.ndarray,
-        half: np.ndarray,
-        most_triangles: int | None,
-    ) -> np.ndarray:
-        """Which drawables flooded occluder sets do not hide.
-
-        Args:
-            places: (d,) drawables, as positions in the soup; active: (all,) bool the same.
-            usable: (m,) bool triangles that may occlude.
-            cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates; centre, half: (3,) the cell in grid units.
-
-        Returns:
-            (d,) bool.
-        """
-        soup, side = self.soup, self._side
-        drawable_lo = (soup.drawable_lo - centre) / half
-        drawable_hi = (soup.drawable_hi - centre) / half
-
-        in_cut = np.flatnonzero(active[soup.cluster_drawable])
-        nearest = np.maximum(np.maximum(cluster_lo[in_cut], -cluster_hi[in_cut]), 0).max(axis=1)
-        order = in_cut[np.argsort(nearest, kind="stable")]
-        corners = np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]]))
-        farthest = float(corners.max(initial=FARTHEST)) * (1 + 1e-6)
+    def _find_visible(self, places: np.ndarray, most_triangles: int | None) -> np.ndarray:
+        """Which drawables (d,), positions in the soup, flooded occluder sets do not hide: (d,) bool."""
+        soup = self.soup
         clear_layers(self._layers)
-        mesh = Mesh(
-            self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses
-        )  # fmt: skip
+        farthest = max(occluders.farthest_of(self._mesh, soup.drawable_lo, soup.drawable_hi, places), FARTHEST)
         # first what is sure, then, if gaps count as closed, what is left
-        for seals in (NO_SEALS, *([self._seals(half)] if soup.gaps else [])):
+        for seals in (NO_SEALS, *([self._seals()] if soup.gaps else [])):
             occluders.cover(
-                mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
-                self.settings.largest_flooded_set, self.settings.smallest_window, self._layers, seals,
+                self._mesh, self._clusters, self._occluders, farthest * (1 + 1e-6), self.settings.largest_flooded_set,
+                self.settings.smallest_window, self._layers, seals,
             )  # fmt: skip
         seen: np.ndarray = occludees.find_visible(
-            self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
-            cluster_lo, cluster_hi, drawable_lo, drawable_hi, self._layers,
-            soup.triangle_counts, -1 if most_triangles is None else most_triangles,
+            self._mesh, self._clusters, self._layers, soup.triangle_counts,
+            -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
-        return seen
+        return seen[places]
 
-    def _seals(self, half: np.ndarray) -> Seals:
-        """The soup's gaps, of which nothing is known yet for a cell of half extents (3,) in grid units."""
+    def _seals(self) -> Seals:
+        """The soup's gaps, of which nothing is known yet for the cell."""
         gaps = self.soup.gaps
         assert gaps is not None
         count = len(gaps.near)
         state, closed = np.full(count, UNKNOWN, np.int8), np.empty((count, 2), np.float64)
-        return Seals(gaps.start, gaps.near, gaps.part, state, closed, half, np.array([gaps.distance]))
+        return Seals(gaps.start, gaps.near, gaps.part, state, closed, self._mesh.half, np.array([gaps.distance]))
 
     def _glimpse(self, places: np.ndarray, most_triangles: int | None = None) -> _Glimpses:
         """What item buffers show from the cell's corners.
@@ -303,13 +262,10 @@ class Engine:
         count = self.settings.proof_points if self.settings.proof_resolution else 0
         triangle = np.full((count, len(soup.drawables)), -1, np.int32)
         pixel = np.zeros((count, len(soup.drawables)), np.int32)
-        drawn = np.zeros(len(soup.drawables), np.bool_)
-        drawn[places] = True
-        triangles = np.flatnonzero(drawn[soup.triangle_drawable])
         for number, corner in enumerate(PROOF_CORNERS[:count]):
             item_buffer.see(
-                self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, np.array(corner) * EYE,
-                self.settings.proof_resolution, triangle[number], pixel[number],
+                self._mesh, places, self._first, np.array(corner) * EYE, self.settings.proof_resolution,
+                triangle[number], pixel[number],
             )  # fmt: skip
             seen = _Glimpses(triangle, pixel).seen
             if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:

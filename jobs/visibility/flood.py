@@ -10,28 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
+from jobs.visibility.mesh import Mesh, look
 from storage.kernels import kernel
-
-
-class Mesh(NamedTuple):
-    """All triangles of a soup as a cell sees them."""
-
-    q: np.ndarray  # (n, 3) float64 vertices in cell coordinates
-    side: np.ndarray  # (m,) int8, see occluders.find_sides
-    usable: np.ndarray  # (m,) bool, triangles that may occlude
-    triangles: np.ndarray  # (m, 3) int32
-    triangle_edges: np.ndarray  # (m, 3) int32, see topology.edges
-    edge_start: np.ndarray  # (e + 1,) int32
-    edge_uses: np.ndarray  # (3 m,) int32
 
 
 @kernel()
 def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np.ndarray, core: np.ndarray) -> int:
     """What hangs together with `seed` by safe edges among triangles first ... last - 1; the number written to `core`.
 
-    cored: (m,) int8, at least `mark` where a triangle belongs to a core already; core: (m,) int32.
+    cored: (m,) int32, at least `mark` where a triangle belongs to a core already; core: (last - first or more,) int32.
     """
-    side, usable, triangles, triangle_edges = mesh.side, mesh.usable, mesh.triangles, mesh.triangle_edges
+    triangles, triangle_edges = mesh.triangles, mesh.triangle_edges
     edge_start, edge_uses = mesh.edge_start, mesh.edge_uses
     count = 1
     core[0] = seed
@@ -40,20 +29,18 @@ def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np
     while head < count:
         t = core[head]
         head += 1
+        side = look(mesh, t)
         for i in range(3):
             e = triangle_edges[t, i]
-            mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+            mine = side if triangles[t, i] < triangles[t, (i + 1) % 3] else -side
             for j in range(edge_start[e], edge_start[e + 1]):
                 other = edge_uses[j] >> 1
-                if (
-                    first <= other < last
-                    and cored[other] < mark
-                    and usable[other]
-                    and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine
-                ):
-                    cored[other] = mark
-                    core[count] = other
-                    count += 1
+                if first <= other < last and cored[other] < mark:
+                    its = look(mesh, other)
+                    if (-its if edge_uses[j] & 1 else its) == -mine:
+                        cored[other] = mark
+                        core[count] = other
+                        count += 1
     return count
 
 
@@ -95,7 +82,7 @@ def core_window(
 class Images(NamedTuple):
     """What has been worked out of the vertices on one face: rows are filled when they are first asked for."""
 
-    known: np.ndarray  # (n,) int8, the last face for which the row is filled
+    known: np.ndarray  # (n,) int32, the mark of the last face for which the row is filled
     rows: (
         np.ndarray
     )  # (n, 6) float64: bounding rectangle of the inflated vertex (u0, u1, v0, v1), its own u and v, pixels
@@ -110,12 +97,13 @@ def look_at(
     ahead: np.ndarray,
     vertex: int,
     face: int,
+    mark: int,
     half: float,
     farthest: float,
 ) -> bool:
     """Fill a vertex's row (see `Images`) for a face unless it is; whether the row may be used."""
-    if known[vertex] != face:
-        known[vertex] = face
+    if known[vertex] != mark:
+        known[vertex] = mark
         u, v, z = to_face(q, vertex, face)
         ahead[vertex] = z >= NEAR
         if z >= NEAR:
@@ -133,6 +121,7 @@ def flood_from(
     core: np.ndarray,
     n_core: int,
     face: int,
+    mark: int,
     resolution: int,
     farthest: float,
     least_depth: float,
@@ -148,7 +137,7 @@ def flood_from(
 
     Args:
         mesh, core, n_core, face, resolution: as above; n_core is at most `largest`.
-        images: of the vertices on this face.
+        images: of the vertices; mark: those that were filled for this face and this cell have it.
         farthest: nothing is deeper, and images are inflated for this depth.
         least_depth: of what the core may hide; at least 1.5.
         window: (i0, i1, j0, j1) pixels, both ends included.
@@ -166,8 +155,7 @@ def flood_from(
     half = 0.5 * resolution
     slack = 1e-3
     # plain arrays: numba counts references where members of tuples are passed on
-    q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
-    triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
+    q, triangles = mesh.q, mesh.triangles
     known, rows, is_ahead = images.known, images.rows, images.ahead
     n_flood, n_drawn, n_unsafe = 0, 0, 0
     for k in range(n_core):
@@ -179,9 +167,9 @@ def flood_from(
         t = flood[head]
         head += 1
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ahead = look_at(q, known, rows, is_ahead, a, face, half, farthest)
-        ahead &= look_at(q, known, rows, is_ahead, b, face, half, farthest)
-        ahead &= look_at(q, known, rows, is_ahead, c, face, half, farthest)
+        ahead = look_at(q, known, rows, is_ahead, a, face, mark, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, b, face, mark, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, c, face, mark, half, farthest)
         if head > n_core and (
             not ahead
             or (
@@ -203,7 +191,7 @@ def flood_from(
                     touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
             if not touches:
                 continue
-            partner = find_partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
+            partner = find_partner(mesh, t, i, epoch, seen)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             if partner >= 0 and n_flood < flood.shape[0]:
@@ -222,25 +210,16 @@ def flood_from(
 
 
 @kernel(inline="always")
-def find_partner(
-    side: np.ndarray,
-    usable: np.ndarray,
-    triangles: np.ndarray,
-    triangle_edges: np.ndarray,
-    edge_start: np.ndarray,
-    edge_uses: np.ndarray,
-    t: int,
-    i: int,
-    epoch: int,
-    seen: np.ndarray,
-) -> int:
-    """A usable triangle strictly on the other side of edge i of t, one of the set where there is one; -1 for none."""
-    e = triangle_edges[t, i]
-    mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+def find_partner(mesh: Mesh, t: int, i: int, epoch: int, seen: np.ndarray) -> int:
+    """A triangle strictly on the other side of edge i of t, one of the set where there is one; -1 for none."""
+    e = mesh.triangle_edges[t, i]
+    side = look(mesh, t)
+    mine = side if mesh.triangles[t, i] < mesh.triangles[t, (i + 1) % 3] else -side
     partner = -1
-    for j in range(edge_start[e], edge_start[e + 1]):
-        other = edge_uses[j] >> 1
-        if usable[other] and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine:
+    for j in range(mesh.edge_start[e], mesh.edge_start[e + 1]):
+        other = mesh.edge_uses[j] >> 1
+        its = look(mesh, other)
+        if (-its if mesh.edge_uses[j] & 1 else its) == -mine:
             if seen[other] == epoch:
                 partner = other
                 break

@@ -8,16 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
+from jobs.visibility.mesh import TURNED, Mesh, look
 from storage.kernels import allocating_kernel, kernel
 
 
 @allocating_kernel()
 def see(
-    q: np.ndarray,
-    triangles: np.ndarray,
+    mesh: Mesh,
     chosen: np.ndarray,
-    triangle_drawable: np.ndarray,
-    one_sided: np.ndarray,
+    begins: np.ndarray,
     eye: np.ndarray,
     resolution: int,
     triangle: np.ndarray,
@@ -26,10 +25,9 @@ def see(
     """Find the drawables that are seen from a point through the pixels' centres of six cube faces.
 
     Args:
-        q: (n, 3) float64 vertices in cell coordinates.
-        triangles: (m, 3) int32; chosen: (c,) int64 the triangles to draw; triangle_drawable: (m,) int32.
-        one_sided: (drawables,) bool: their back faces are not drawn.
-        eye: (3,) float64 in cell coordinates.
+        mesh: the triangles, as the cell sees them; back faces of one-sided drawables are not drawn.
+        chosen: (c,) int64 the drawables to draw, of the cut; begins: (drawables + 1,) int32 offsets into the triangles.
+        eye: (3,) float64 inside the cell, in cell coordinates.
         triangle: (drawables,) int32, receives a triangle that is seen of each drawable, -1 where none is.
         pixel: (drawables,) int32, receives where, (face * resolution + j) * resolution + i: the one of the drawable's
             pixels that has as many before it as after it, not at its border as a rule.
@@ -38,47 +36,51 @@ def see(
     polygon = np.empty((4, 2), np.float64)
     nearest = np.zeros((6, resolution, resolution), np.float64)
     item = np.full((6, resolution, resolution), -1, np.int32)
-    for t in chosen:
-        for i in range(3):
-            for k in range(3):
-                moved[i, k] = (q[triangles[t, i], k] - eye[k]) * 1e6
-        if one_sided[triangle_drawable[t]]:
-            ux, uy, uz = moved[1, 0] - moved[0, 0], moved[1, 1] - moved[0, 1], moved[1, 2] - moved[0, 2]
-            vx, vy, vz = moved[2, 0] - moved[0, 0], moved[2, 1] - moved[0, 1], moved[2, 2] - moved[0, 2]
-            facing = (
-                moved[0, 0] * (uy * vz - uz * vy)
-                + moved[0, 1] * (uz * vx - ux * vz)
-                + moved[0, 2] * (ux * vy - uy * vx)
-            )
-            if facing >= 0:
+    q, triangles, triangle_drawable, one_sided = mesh.q, mesh.triangles, mesh.triangle_drawable, mesh.one_sided
+    for d in chosen:
+        for t in range(begins[d], begins[d + 1]):
+            if look(mesh, t) == TURNED:
                 continue
-        only = _face_of(moved)
-        for face in range(6):
-            if only >= 0 and face != only:
-                continue
-            n, _, _ = clip_triangle(moved, 0, 1, 2, face, resolution, polygon)
-            if n == 0:
-                continue
-            plane, pa, pb, pc = inverse_depth_plane(moved, 0, 1, 2, face, resolution)
-            if not plane:
-                continue
-            v0, v1 = np.inf, -np.inf
-            for i in range(n):
-                v0 = min(v0, polygon[i, 1])
-                v1 = max(v1, polygon[i, 1])
-            row0 = max(int(np.ceil(v0 - 0.5)), 0) if v0 > 0 else 0
-            row1 = min(int(np.floor(v1 - 0.5)), resolution - 1) if v1 < resolution else resolution - 1
-            for j in range(row0, row1 + 1):
-                left, right = strip_extent(polygon, n, j + 0.5, j + 0.5)
-                if left > right or left > resolution or right < 0:
+            for i in range(3):
+                for k in range(3):
+                    moved[i, k] = (q[triangles[t, i], k] - eye[k]) * 1e6
+            if one_sided[d]:
+                ux, uy, uz = moved[1, 0] - moved[0, 0], moved[1, 1] - moved[0, 1], moved[1, 2] - moved[0, 2]
+                vx, vy, vz = moved[2, 0] - moved[0, 0], moved[2, 1] - moved[0, 1], moved[2, 2] - moved[0, 2]
+                facing = (
+                    moved[0, 0] * (uy * vz - uz * vy)
+                    + moved[0, 1] * (uz * vx - ux * vz)
+                    + moved[0, 2] * (ux * vy - uy * vx)
+                )
+                if facing >= 0:
                     continue
-                first = max(int(np.ceil(left - 0.5)), 0) if left > 0 else 0
-                last = min(int(np.floor(right - 0.5)), resolution - 1) if right < resolution else resolution - 1
-                for i in range(first, last + 1):
-                    w = pa * (i + 0.5) + pb * (j + 0.5) + pc
-                    if w > nearest[face, j, i]:
-                        nearest[face, j, i] = w
-                        item[face, j, i] = t
+            only = _face_of(moved)
+            for face in range(6):
+                if only >= 0 and face != only:
+                    continue
+                n, _, _ = clip_triangle(moved, 0, 1, 2, face, resolution, polygon)
+                if n == 0:
+                    continue
+                plane, pa, pb, pc = inverse_depth_plane(moved, 0, 1, 2, face, resolution)
+                if not plane:
+                    continue
+                v0, v1 = np.inf, -np.inf
+                for i in range(n):
+                    v0 = min(v0, polygon[i, 1])
+                    v1 = max(v1, polygon[i, 1])
+                row0 = max(int(np.ceil(v0 - 0.5)), 0) if v0 > 0 else 0
+                row1 = min(int(np.floor(v1 - 0.5)), resolution - 1) if v1 < resolution else resolution - 1
+                for j in range(row0, row1 + 1):
+                    left, right = strip_extent(polygon, n, j + 0.5, j + 0.5)
+                    if left > right or left > resolution or right < 0:
+                        continue
+                    first = max(int(np.ceil(left - 0.5)), 0) if left > 0 else 0
+                    last = min(int(np.floor(right - 0.5)), resolution - 1) if right < resolution else resolution - 1
+                    for i in range(first, last + 1):
+                        w = pa * (i + 0.5) + pb * (j + 0.5) + pc
+                        if w > nearest[face, j, i]:
+                            nearest[face, j, i] = w
+                            item[face, j, i] = t
     pixels = item.ravel()
     count = np.zeros(len(triangle), np.int32)
     for at in range(len(pixels)):

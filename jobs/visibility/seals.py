@@ -40,7 +40,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.cube_faces import hull_touches, inflate_edge
-from jobs.visibility.flood import Images, Mesh, find_partner, look_at
+from jobs.visibility.flood import Images, find_partner, look_at
+from jobs.visibility.mesh import Mesh, look, may_occlude
 from storage.kernels import kernel
 
 #: Rows that a mesh's q has beyond its vertices: ends of parts of edges and of strips.
@@ -87,7 +88,7 @@ def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_
     They cover pixels as the core does, or a gap would be seen where a pixel's middle lies in it. Returns the number of
     triangles. seen: (m,) int32, not negative.
     """
-    q, triangles, side, usable, triangle_edges = mesh.q, mesh.triangles, mesh.side, mesh.usable, mesh.triangle_edges
+    q, triangles, triangle_edges = mesh.q, mesh.triangles, mesh.triangle_edges
     start, near, strips = seals.start, seals.near, sealing.strips
     taken, count = q.shape[0] - ROWS + 2, 0
     last = taken + CORE_ROWS
@@ -97,18 +98,15 @@ def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_
             e = triangle_edges[t, i]
             if start[e] == start[e + 1]:
                 continue
-            if (
-                find_partner(side, usable, triangles, triangle_edges, mesh.edge_start, mesh.edge_uses, t, i, -1, seen)
-                >= 0
-            ):
+            if find_partner(mesh, t, i, -1, seen) >= 0:
                 continue
             a, b = triangles[t, i], triangles[t, (i + 1) % 3]
             low, high = min(a, b), max(a, b)
-            mine = side[t] if a < b else -side[t]
+            mine = look(mesh, t) if a < b else -look(mesh, t)
             for k in range(start[e], start[e + 1]):
                 if taken + 4 > last:
                     return count
-                if usable[near[k]] and _closes(q, triangles, seals, k, low, high, mine, sealing.point):
+                if may_occlude(mesh, near[k]) and _closes(q, triangles, seals, k, low, high, mine, sealing.point):
                     _put_strip(q, triangles, seals, k, low, high, mine, taken, strips, count, sealing.point)
                     sealing.core_gaps[count // 2] = k
                     taken += 4
@@ -141,6 +139,7 @@ def flood_sealed(
     n_core: int,
     n_core_strips: int,
     face: int,
+    mark: int,
     resolution: int,
     farthest: float,
     least_depth: float,
@@ -168,8 +167,7 @@ def flood_sealed(
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
     half = 0.5 * resolution
     slack = 1e-3
-    q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
-    triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
+    q, triangles, triangle_edges, side = mesh.q, mesh.triangles, mesh.triangle_edges, mesh.side
     known, rows, is_ahead = images.known, images.rows, images.ahead
     stops, start, near, closed = sealing.stops, seals.start, seals.near, seals.closed
     free = q.shape[0] - ROWS
@@ -186,9 +184,9 @@ def flood_sealed(
             t = flood[head]
             head += 1
             a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            ahead = look_at(q, known, rows, is_ahead, a, face, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, b, face, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, c, face, half, farthest)
+            ahead = look_at(q, known, rows, is_ahead, a, face, mark, half, farthest)
+            ahead &= look_at(q, known, rows, is_ahead, b, face, mark, half, farthest)
+            ahead &= look_at(q, known, rows, is_ahead, c, face, mark, half, farthest)
             if head > n_core and (
                 not ahead
                 or (
@@ -208,7 +206,7 @@ def flood_sealed(
                     touches = _touches(q, a, b, face, resolution, farthest, u0, u1, v0, v1, sweep)
                 if not touches:
                     continue
-                other = find_partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
+                other = find_partner(mesh, t, i, epoch, seen)
                 if other >= 0 and seen[other] == epoch:
                     continue
                 if other >= 0 and n_flood < flood.shape[0]:
@@ -246,7 +244,7 @@ def flood_sealed(
         for k in range(start[e], start[e + 1]):
             other = near[k]
             if (
-                not usable[other]
+                not may_occlude(mesh, other)
                 or (seen[other] != epoch and n_flood == flood.shape[0])
                 or not _closes(q, triangles, seals, k, low, high, mine, sealing.point)
             ):

@@ -41,8 +41,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.aimed_rays import INSET, LEAST_WEIGHT, facing
+from jobs.visibility.clusters import Clusters, place_cluster
+from jobs.visibility.mesh import TURNED, Mesh, look, side_of
 from jobs.visibility.occludees import box_hidden, may_touch, triangle_hidden
-from jobs.visibility.occluders import side_of
 from jobs.visibility.ray_tree import APART, SAME, STACK, SURELY, Scene, inverse, meets, next_bundle
 from storage.kernels import allocating_kernel, kernel
 
@@ -63,16 +64,6 @@ QUEUE = 8192
 MOST_EPOCHS = 1 << 30
 #: What becomes of a shaft.
 OPEN, CLOSED, SEEN = 0, 1, 2
-
-
-class Facets(NamedTuple):
-    """The soup's edges, and which triangles may occlude."""
-
-    triangle_edges: np.ndarray  # (m, 3) int32, see topology.edges
-    edge_start: np.ndarray  # (e + 1,) int32
-    edge_uses: np.ndarray  # (3 m,) int32
-    side: np.ndarray  # (m,) int8 of the whole cell, see occluders.find_sides
-    active: np.ndarray  # (drawables,) bool
 
 
 class Shaft(NamedTuple):
@@ -208,12 +199,12 @@ def _apart(vertices: np.ndarray, triangles: np.ndarray, t: int, corners: np.ndar
 
 
 @kernel(inline="always")
-def _occludes(scene: Scene, facets: Facets, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
+def _occludes(scene: Scene, facets: Mesh, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
     """The side of triangle t on which a part of the cell lies, 0 where it may not occlude; whole: all of the cell."""
     drawable = scene.triangle_drawable[t]
     if not facets.active[drawable]:
         return 0
-    side = facets.side[t]
+    side = look(facets, t)
     if side == 0 and not whole:
         side = side_of(scene.vertices, scene.triangles, t, centre, half)
     if side < 0 and scene.one_sided[drawable]:
@@ -239,7 +230,7 @@ def _span(shaft: Shaft, count: int) -> None:
 
 
 @kernel(inline="always")
-def _side(scene: Scene, facets: Facets, t: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool) -> int:
+def _side(scene: Scene, facets: Mesh, t: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool) -> int:
     """The side of triangle t on which the shaft's V lies, 0 where it may not occlude.
 
     whole: whether view.v is the whole cell; beyond: whether the shaft is one from an edge on: both must be on one side.
@@ -252,7 +243,7 @@ def _side(scene: Scene, facets: Facets, t: int, whole: bool, view: Shaft, shaft:
 
 @kernel(inline="always")
 def _partner(
-    scene: Scene, facets: Facets, t: int, i: int, side: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool,
+    scene: Scene, facets: Mesh, t: int, i: int, side: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool,
     seen: np.ndarray, epoch: int,
 ) -> int:  # fmt: skip
     """A triangle surely on the other side of edge i of t as seen from V, one of the set where there is one, or -1."""
@@ -273,7 +264,7 @@ def _partner(
 
 @kernel()
 def _closes_alone(
-    scene: Scene, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, seed: int, whole: bool,
+    scene: Scene, facets: Mesh, work: Work, view: Shaft, shaft: Shaft, count: int, seed: int, whole: bool,
     beyond: bool,
 ) -> int:  # fmt: skip
     """The size of the set (in work.flood[1]) flooded from a triangle that closes a shaft by itself; 0: it does not.
@@ -309,7 +300,7 @@ def _closes_alone(
 
 @kernel()
 def _find_set(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
+    scene: Scene, standing: np.ndarray, facets: Mesh, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
     beyond: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that closes a shaft by itself, 0 where none is found: see `_closes_alone`.
@@ -345,7 +336,7 @@ def _find_set(
 
 @kernel()
 def _set_beside(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, a: int, b: int,
+    scene: Scene, standing: np.ndarray, facets: Mesh, work: Work, shaft: Shaft, small: Shaft, a: int, b: int,
     first: float, last: float, whole: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that all segments through an edge in a shaft cross besides; 0: none found.
@@ -379,7 +370,7 @@ def _set_beside(
 
 @kernel()
 def _stays_open(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, seed: int, whole: bool
+    scene: Scene, standing: np.ndarray, facets: Mesh, work: Work, shaft: Shaft, small: Shaft, seed: int, whole: bool
 ) -> float:
     """Where a shaft stays open (a, from 0 at U to 1 at V) when a set is flooded from a triangle; -1: the set closes it.
 
@@ -436,7 +427,7 @@ def _stays_open(
 
 @kernel()
 def _decide(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, shaft: Shaft, small: Shaft, drawable: int, t: int,
+    scene: Scene, standing: np.ndarray, facets: Mesh, work: Work, shaft: Shaft, small: Shaft, drawable: int, t: int,
     weight: float, whole: bool, from_corner: int, hint: int,
 ) -> tuple[int, int, float]:  # fmt: skip
     """What becomes of the shaft from shaft.v to the hull of shaft.corners.
@@ -571,9 +562,9 @@ def _halve(
 
 @allocating_kernel()
 def decide(
-    scene: Scene, standing: np.ndarray, facets: Facets, work: Work, chosen: np.ndarray, first_cluster: np.ndarray,
-    cluster_start: np.ndarray, lo: np.ndarray, hi: np.ndarray, q: np.ndarray, q_lo: np.ndarray, q_hi: np.ndarray,
-    layers: np.ndarray, most: int, at_one: int, hidden: np.ndarray, proven: np.ndarray,
+    scene: Scene, standing: np.ndarray, facets: Mesh, work: Work, chosen: np.ndarray, first_cluster: np.ndarray,
+    clusters: Clusters, lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, most: int, at_one: int, hidden: np.ndarray,
+    proven: np.ndarray,
 ) -> int:  # fmt: skip
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
@@ -582,9 +573,7 @@ def decide(
         work: see `make_work`.
         chosen: (c,) int64 drawables to decide, in the order in which they may use up the time.
         first_cluster: (drawables + 1,) int32 offsets into the clusters.
-        cluster_start: (k + 1,) int32 offsets of the clusters into the triangles.
         lo, hi: (3,) float64 the cell, grid units.
-        q: (n, 3) float64 vertices, q_lo, q_hi: (k, 3) float64 the clusters' boxes, in cell coordinates.
         layers: see `occludees`: parts that these hide are not looked at again.
         most: shafts in all; at_one: at one drawable, besides one for each of its triangles.
         hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
@@ -603,7 +592,7 @@ def decide(
     if work.epoch.max() > MOST_EPOCHS:
         work.epoch[:] = 0
         work.seen[:] = 0
-    polygon = np.empty((4, 2), np.float64)
+    polygon, placed = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
     part_v, part_weights = np.empty((QUEUE, 6)), np.empty((QUEUE, 6))
     part_triangle, part_whole = np.empty(QUEUE, np.int32), np.empty(QUEUE, np.bool_)
     shafts, hint = 0, -1
@@ -611,16 +600,17 @@ def decide(
         count, head = 0, 0
         result = CLOSED
         for c in range(first_cluster[drawable], first_cluster[drawable + 1]):
-            if box_hidden(q_lo[c], q_hi[c], layers, False):
+            place_cluster(clusters, c, facets.centre, facets.half, placed)
+            if box_hidden(placed[0], placed[1], layers, False):
                 continue
-            for t in range(cluster_start[c], cluster_start[c + 1]):
-                if scene.one_sided[drawable] and facets.side[t] < 0:
+            for t in range(clusters.start[c], clusters.start[c + 1]):
+                if look(facets, t) == TURNED:
                     continue
                 a, b, corner = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
-                if facets.side[t] == 0 and may_touch(q, a, b, corner):
+                if look(facets, t) == 0 and may_touch(facets.q, a, b, corner):
                     result = OPEN
                     break
-                if triangle_hidden(q, a, b, corner, layers, polygon):
+                if triangle_hidden(facets.q, a, b, corner, layers, polygon):
                     continue
                 if count == QUEUE:
                     result = OPEN

@@ -151,18 +151,57 @@ def flood_from(
         (triangles in the set, those to draw, unsafe edges); the last is -1 where one unsafe edge alone spoils the whole
         window at `least_depth`, and thus at all depths.
     """
+    for k in range(n_core):
+        flood[k] = core[k]
+        seen[core[k]] = epoch
+    n_flood, n_drawn, n_unsafe = spread(
+        mesh, images, face, mark, resolution, farthest, least_depth, window, epoch, seen, flood, n_core, 0, n_core,
+        drawn, 0, unsafe, 0, sweep,
+    )  # fmt: skip
+    for k in range(n_unsafe):
+        t, i = unsafe[k, 0], unsafe[k, 1] % 3
+        unsafe[k, 0], unsafe[k, 1] = mesh.triangles[t, i], mesh.triangles[t, (i + 1) % 3]
+    return n_flood, n_drawn, n_unsafe
+
+
+@kernel()
+def spread(
+    mesh: Mesh,
+    images: Images,
+    face: int,
+    mark: int,
+    resolution: int,
+    farthest: float,
+    least_depth: float,
+    window: tuple[int, int, int, int],
+    epoch: int,
+    seen: np.ndarray,
+    flood: np.ndarray,
+    n_core: int,
+    head: int,
+    n_flood: int,
+    drawn: np.ndarray,
+    n_drawn: int,
+    stops: np.ndarray,
+    n_stops: int,
+    sweep: np.ndarray,
+) -> tuple[int, int, int]:
+    """Let a set grow as far as safe edges lead.
+
+    Args: as for `flood_from`, and
+        least_depth: 0 where it does not matter that an edge spoils the whole window.
+        head: of the `n_flood` triangles in `flood` this many have been gone through; the first `n_core` are the core.
+        stops: (3 largest, 2) int32, receives the edges where it ends: a triangle and 0, 1 or 2, or 3 more than that
+            where only room was missing to go on. `n_stops` and `n_drawn` are there already.
+
+    Returns:
+        (triangles in the set, those to draw, stops); the last is -1 where an edge spoils the whole window.
+    """
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
     half = 0.5 * resolution
     slack = 1e-3
-    # plain arrays: numba counts references where members of tuples are passed on
     q, triangles = mesh.q, mesh.triangles
     known, rows, is_ahead = images.known, images.rows, images.ahead
-    n_flood, n_drawn, n_unsafe = 0, 0, 0
-    for k in range(n_core):
-        flood[n_flood] = core[k]
-        seen[core[k]] = epoch
-        n_flood += 1
-    head = 0
     while head < n_flood:
         t = flood[head]
         head += 1
@@ -186,9 +225,7 @@ def flood_from(
             if ahead:
                 touches = hull_touches(rows, a, b, u0, u1, v0, v1)
             else:
-                touches = False
-                for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
-                    touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
+                touches = edge_touches(q, a, b, face, resolution, farthest, u0, u1, v0, v1, sweep)
             if not touches:
                 continue
             partner = find_partner(mesh, t, i, epoch, seen)
@@ -199,14 +236,54 @@ def flood_from(
                 seen[partner] = epoch
                 n_flood += 1
                 continue
-            unsafe[n_unsafe, 0] = a
-            unsafe[n_unsafe, 1] = b
-            n_unsafe += 1
-            n_sweeps = inflate_edge(q, a, b, face, resolution, least_depth, sweep)
-            for k in range(2 * n_sweeps):
-                if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
-                    return n_flood, 0, -1
-    return n_flood, n_drawn, n_unsafe
+            stops[n_stops, 0] = t
+            stops[n_stops, 1] = i if partner < 0 else i + 3
+            n_stops += 1
+            if least_depth > 0.0 and spoils_all(q, a, b, face, resolution, least_depth, u0, u1, v0, v1, sweep):
+                return n_flood, 0, -1
+    return n_flood, n_drawn, n_stops
+
+
+@kernel()
+def edge_touches(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    face: int,
+    resolution: int,
+    farthest: float,
+    u0: float,
+    u1: float,
+    v0: float,
+    v1: float,
+    sweep: np.ndarray,
+) -> bool:
+    """Whether an edge's image, inflated for all depths, touches a rectangle."""
+    touches = False
+    for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
+        touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
+    return touches
+
+
+@kernel()
+def spoils_all(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    face: int,
+    resolution: int,
+    least_depth: float,
+    u0: float,
+    u1: float,
+    v0: float,
+    v1: float,
+    sweep: np.ndarray,
+) -> bool:
+    """Whether an edge's image, inflated for a depth, holds a rectangle at one of its ends."""
+    for k in range(2 * inflate_edge(q, a, b, face, resolution, least_depth, sweep)):
+        if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
+            return True
+    return False
 
 
 @kernel(inline="always")

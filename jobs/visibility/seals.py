@@ -39,8 +39,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.visibility.cube_faces import hull_touches, inflate_edge
-from jobs.visibility.flood import Images, find_partner, look_at
+from jobs.visibility.flood import Images, edge_touches, find_partner, spoils_all, spread
 from jobs.visibility.mesh import Mesh, look, may_occlude
 from storage.kernels import kernel
 
@@ -165,58 +164,22 @@ def flood_sealed(
         was drawn before.
     """
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
-    half = 0.5 * resolution
-    slack = 1e-3
     q, triangles, triangle_edges, side = mesh.q, mesh.triangles, mesh.triangle_edges, mesh.side
-    known, rows, is_ahead = images.known, images.rows, images.ahead
     stops, start, near, closed = sealing.stops, seals.start, seals.near, seals.closed
     free = q.shape[0] - ROWS
-    n_flood, n_drawn, n_stops = 0, 0, 0
+    n_flood, n_drawn, n_stops = n_core, 0, 0
     any_closed = False
     for k in range(n_core):
-        flood[n_flood] = core[k]
+        flood[k] = core[k]
         seen[core[k]] = epoch
-        n_flood += 1
     head, looked, n_sure = 0, 0, -1
     while True:
-        # as flood_from, as far as safe edges lead
-        while head < n_flood:
-            t = flood[head]
-            head += 1
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            ahead = look_at(q, known, rows, is_ahead, a, face, mark, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, b, face, mark, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, c, face, mark, half, farthest)
-            if head > n_core and (
-                not ahead
-                or (
-                    min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
-                    and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
-                    and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
-                    and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
-                )
-            ):
-                drawn[n_drawn] = t
-                n_drawn += 1
-            for i in range(3):
-                a, b = triangles[t, i], triangles[t, (i + 1) % 3]
-                if ahead:
-                    touches = hull_touches(rows, a, b, u0, u1, v0, v1)
-                else:
-                    touches = _touches(q, a, b, face, resolution, farthest, u0, u1, v0, v1, sweep)
-                if not touches:
-                    continue
-                other = find_partner(mesh, t, i, epoch, seen)
-                if other >= 0 and seen[other] == epoch:
-                    continue
-                if other >= 0 and n_flood < flood.shape[0]:
-                    flood[n_flood] = other
-                    seen[other] = epoch
-                    n_flood += 1
-                    continue
-                stops[n_stops, 0] = t
-                stops[n_stops, 1] = i if other < 0 else i + 3  # where only room is missing nothing is closed
-                n_stops += 1
+        if head < n_flood:
+            end, n_drawn, n_stops = spread(
+                mesh, images, face, mark, resolution, farthest, 0.0, window, epoch, seen, flood, n_core, head, n_flood,
+                drawn, n_drawn, stops, n_stops, sweep,
+            )  # fmt: skip
+            head = n_flood = end
         if n_sure < 0:
             n_sure = n_drawn
             for k in range(n_core_strips // 2):
@@ -251,7 +214,7 @@ def flood_sealed(
                 continue
             _put(q, free, low, high, closed[k, 0])
             _put(q, free + 1, low, high, closed[k, 1])
-            if _touches(q, free, free + 1, face, resolution, farthest, u0, u1, v0, v1, sweep):
+            if edge_touches(q, free, free + 1, face, resolution, farthest, u0, u1, v0, v1, sweep):
                 any_closed = True
                 if seen[other] != epoch:
                     flood[n_flood] = other
@@ -381,10 +344,10 @@ def _edges_and_strips(
         y0, y1, c0, c1 = taken, taken + 1, taken + 2, taken + 3
         _put_strip(q, triangles, seals, gap[k], low, high, mine, taken, strips, n_strips, point)
         if (
-            _touches(q, y0, y1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, c0, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, y0, c0, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, y1, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            edge_touches(q, y0, y1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, c0, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, y0, c0, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, y1, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
         ):
             taken += 4
             n_strips += 2
@@ -428,14 +391,13 @@ def _add_unsafe(
     sweep: np.ndarray,
 ) -> int:
     """Add the edge between two rows of q where it touches the window; returns how many there are, -1: see above."""
-    if not _touches(q, first, last, face, resolution, farthest, u0, u1, v0, v1, sweep):
+    if not edge_touches(q, first, last, face, resolution, farthest, u0, u1, v0, v1, sweep):
         return n_unsafe
     if n_unsafe == unsafe.shape[0]:
         return -1
     unsafe[n_unsafe, 0], unsafe[n_unsafe, 1] = first, last
-    for k in range(2 * inflate_edge(q, first, last, face, resolution, least_depth, sweep)):
-        if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
-            return -1
+    if spoils_all(q, first, last, face, resolution, least_depth, u0, u1, v0, v1, sweep):
+        return -1
     return n_unsafe + 1
 
 
@@ -444,27 +406,6 @@ def _put(q: np.ndarray, row: int, a: int, b: int, place: float) -> None:
     """Write the point at `place` between vertices a and b to a row of q."""
     for k in range(3):
         q[row, k] = q[a, k] + place * (q[b, k] - q[a, k])
-
-
-@kernel()
-def _touches(
-    q: np.ndarray,
-    a: int,
-    b: int,
-    face: int,
-    resolution: int,
-    farthest: float,
-    u0: float,
-    u1: float,
-    v0: float,
-    v1: float,
-    sweep: np.ndarray,
-) -> bool:
-    """Whether an edge's image, inflated for all depths, touches a rectangle."""
-    touches = False
-    for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
-        touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
-    return touches
 
 
 @kernel()

@@ -262,9 +262,11 @@ class Engine:
         count = self.settings.proof_points if self.settings.proof_resolution else 0
         triangle = np.full((count, len(soup.drawables)), -1, np.int32)
         pixel = np.zeros((count, len(soup.drawables)), np.int32)
+        drawn = np.zeros(len(soup.drawables), np.bool_)
+        drawn[places] = True
         for number, corner in enumerate(PROOF_CORNERS[:count]):
             item_buffer.see(
-                self._mesh, places, self._first, np.array(corner) * EYE, self.settings.proof_resolution,
+                self._mesh, self._clusters, drawn, np.array(corner) * EYE, self.settings.proof_resolution,
                 triangle[number], pixel[number],
             )  # fmt: skip
             seen = _Glimpses(triangle, pixel).seen

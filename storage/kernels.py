@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import config, njit
+from numba.core import caching
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 from numba.core.dispatcher import Dispatcher
 
@@ -43,6 +44,17 @@ class InUsersCache(_StampedBySources, UserWideCacheLocator):
     """In the user's cache folder, where the source's folder may not be written."""
 
 
+class _Index(caching.IndexDataCacheFile):
+    """A list of what was compiled of a function."""
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            index: dict[Any, str] = super()._load_index()
+        except (AttributeError, ImportError):  # it names classes that other code had
+            return {}
+        return index
+
+
 def _stamp(function: Callable[..., Any], file: str) -> str:
     digest = hashlib.blake2b(Path(file).read_bytes(), digest_size=16)
     for name, value in sorted(function.__globals__.items()):
@@ -53,6 +65,7 @@ def _stamp(function: Callable[..., Any], file: str) -> str:
     return digest.hexdigest()
 
 
+caching.IndexDataCacheFile = _Index  # type: ignore[misc]
 config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place.__name__}" for place in (BesideSource, InUsersCache))  # type: ignore[attr-defined]
 
 #: For kernels that make arrays. Divisions by zero give infinities and nans, as in numpy, and nothing is raised.

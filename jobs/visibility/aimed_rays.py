@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.visibility.planes import plane_of
 from jobs.visibility.ray_tree import MARGIN, SAME, STACK, Scene, edge_volumes, find_blocker, find_first, may_block
 from storage.kernels import allocating_kernel, kernel
 
@@ -77,11 +78,7 @@ def facing(scene: Scene, t: int, o: np.ndarray, reach: float) -> tuple[float, fl
 
     reach: the largest coordinate of the triangle's corners as seen from o.
     """
-    i0, i1, i2 = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
-    x, y, z = float(scene.vertices[i0, 0]), float(scene.vertices[i0, 1]), float(scene.vertices[i0, 2])
-    ux, uy, uz = scene.vertices[i1, 0] - x, scene.vertices[i1, 1] - y, scene.vertices[i1, 2] - z
-    wx, wy, wz = scene.vertices[i2, 0] - x, scene.vertices[i2, 1] - y, scene.vertices[i2, 2] - z
-    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+    x, y, z, nx, ny, nz = plane_of(scene.vertices, scene.triangles, t)
     ahead = nx * (x - o[0]) + ny * (y - o[1]) + nz * (z - o[2])
     return ahead, 3.0 * MARGIN * max(abs(nx), abs(ny), abs(nz)) * reach
 

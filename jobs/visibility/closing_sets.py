@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jobs.visibility.mesh import Mesh, look
 from jobs.visibility.planes import side_of
 from jobs.visibility.ray_tree import STACK, SURELY, Scene, inverse, meets, next_bundle, passes_beside
 from jobs.visibility.shafts import Shaft, apart, edge_meets, part_within, span
@@ -44,16 +45,6 @@ MOST_BESIDES = 8
 OPEN_EDGES = 8
 #: Marks are cleared once so many floods have been counted: they fit int32, whatever a cell adds.
 MOST_EPOCHS = 1 << 30
-
-
-class Facets(NamedTuple):
-    """The soup's edges, and which triangles may occlude."""
-
-    triangle_edges: np.ndarray  # (m, 3) int32, see topology.edges
-    edge_start: np.ndarray  # (e + 1,) int32
-    edge_uses: np.ndarray  # (3 m,) int32
-    side: np.ndarray  # (m,) int8 of the whole cell, see occluders.find_sides
-    active: np.ndarray  # (drawables,) bool
 
 
 class Work(NamedTuple):
@@ -84,12 +75,12 @@ def forget_marks(work: Work) -> None:
 
 
 @kernel(inline="always")
-def _occludes(scene: Scene, facets: Facets, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
+def _occludes(scene: Scene, mesh: Mesh, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
     """The side of triangle t on which a part of the cell lies, 0 where it may not occlude; whole: all of the cell."""
     drawable = scene.triangle_drawable[t]
-    if not facets.active[drawable]:
+    if not mesh.active[drawable]:
         return 0
-    side = facets.side[t]
+    side = look(mesh, t)
     if side == 0 and not whole:
         side = side_of(scene.vertices, scene.triangles, t, centre, half)
     if side < 0 and scene.one_sided[drawable]:
@@ -98,12 +89,12 @@ def _occludes(scene: Scene, facets: Facets, t: int, whole: bool, centre: np.ndar
 
 
 @kernel(inline="always")
-def side_in(scene: Scene, facets: Facets, t: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool) -> int:
+def side_in(scene: Scene, mesh: Mesh, t: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool) -> int:
     """The side of triangle t on which the shaft's V lies, 0 where it may not occlude.
 
     whole: whether view.v is the whole cell; beyond: whether the shaft is one from an edge on: both must be on one side.
     """
-    side = _occludes(scene, facets, t, whole, view.centre, view.half)
+    side = _occludes(scene, mesh, t, whole, view.centre, view.half)
     if beyond and side != 0 and side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) != side:
         return 0
     return side
@@ -111,19 +102,19 @@ def side_in(scene: Scene, facets: Facets, t: int, whole: bool, view: Shaft, shaf
 
 @kernel(inline="always")
 def _partner(
-    scene: Scene, facets: Facets, t: int, i: int, side: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool,
+    scene: Scene, mesh: Mesh, t: int, i: int, side: int, whole: bool, view: Shaft, shaft: Shaft, beyond: bool,
     seen: np.ndarray, epoch: int,
 ) -> int:  # fmt: skip
     """A triangle surely on the other side of edge i of t as seen from V, one of the set where there is one, or -1."""
     mine = side if scene.triangles[t, i] < scene.triangles[t, (i + 1) % 3] else -side
-    e = facets.triangle_edges[t, i]
+    e = mesh.triangle_edges[t, i]
     partner = -1
-    for j in range(facets.edge_start[e], facets.edge_start[e + 1]):
-        other = facets.edge_uses[j] >> 1
+    for j in range(mesh.edge_start[e], mesh.edge_start[e + 1]):
+        other = mesh.edge_uses[j] >> 1
         if other == t:
             continue
-        its = side_in(scene, facets, other, whole, view, shaft, beyond)
-        if its != 0 and (-its if facets.edge_uses[j] & 1 else its) == -mine:
+        its = side_in(scene, mesh, other, whole, view, shaft, beyond)
+        if its != 0 and (-its if mesh.edge_uses[j] & 1 else its) == -mine:
             partner = other
             if seen[other] == epoch:
                 break
@@ -132,7 +123,7 @@ def _partner(
 
 @kernel()
 def _closes_alone(
-    scene: Scene, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, seed: int, whole: bool,
+    scene: Scene, mesh: Mesh, work: Work, view: Shaft, shaft: Shaft, count: int, seed: int, whole: bool,
     beyond: bool,
 ) -> int:  # fmt: skip
     """The size of the set (in work.flood[1]) flooded from a triangle that closes a shaft by itself; 0: it does not.
@@ -150,9 +141,9 @@ def _closes_alone(
         head += 1
         if not apart(scene.vertices, scene.triangles, t, shaft.corners, count, shaft.u):
             return 0
-        side = side_in(scene, facets, t, whole, view, shaft, beyond)
+        side = side_in(scene, mesh, t, whole, view, shaft, beyond)
         for i in range(3):
-            partner = _partner(scene, facets, t, i, side, whole, view, shaft, beyond, seen, epoch)
+            partner = _partner(scene, mesh, t, i, side, whole, view, shaft, beyond, seen, epoch)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
@@ -169,7 +160,7 @@ def _closes_alone(
 
 @kernel()
 def _find_set(
-    scene: Scene, facets: Facets, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
+    scene: Scene, mesh: Mesh, work: Work, view: Shaft, shaft: Shaft, count: int, whole: bool,
     beyond: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that closes a shaft by itself, 0 where none is found: see `_closes_alone`.
@@ -193,9 +184,9 @@ def _find_set(
                 not beside >> (t - scene.bundle_start[c]) & 1
                 and work.seen[1, t] <= begin
                 and abs(meets(scene.vertices, scene.triangles, t, shaft.o, shaft.d, reach)) == SURELY
-                and side_in(scene, facets, t, whole, view, shaft, beyond) != 0
+                and side_in(scene, mesh, t, whole, view, shaft, beyond) != 0
             ):
-                size = _closes_alone(scene, facets, work, view, shaft, count, t, whole, beyond)
+                size = _closes_alone(scene, mesh, work, view, shaft, count, t, whole, beyond)
                 if size:
                     return size
                 seeds += 1
@@ -205,7 +196,7 @@ def _find_set(
 
 @kernel()
 def _set_beside(
-    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, a: int,
+    scene: Scene, mesh: Mesh, work: Work, shaft: Shaft, count: int, small: Shaft, a: int,
     b: int, first: float, last: float, whole: bool,
 ) -> int:  # fmt: skip
     """The size of a set (in work.flood[1]) that all segments through an edge in a shaft cross besides; 0: none found.
@@ -223,7 +214,7 @@ def _set_beside(
         small.o[k] = shaft.o[k]
         small.d[k] = 0.5 * (small.corners[0, k] + small.corners[1, k]) - shaft.o[k]
     span(small, 2)
-    size = _find_set(scene, facets, work, shaft, small, 2, whole, False)
+    size = _find_set(scene, mesh, work, shaft, small, 2, whole, False)
     if size:
         return size
     for k in range(3):
@@ -235,12 +226,12 @@ def _set_beside(
         for c in range(count):
             small.corners[c, k] = shaft.corners[c, k]
     span(small, count)
-    return _find_set(scene, facets, work, shaft, small, count, whole, True)
+    return _find_set(scene, mesh, work, shaft, small, count, whole, True)
 
 
 @kernel()
 def stays_open(
-    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft, seed: int,
+    scene: Scene, mesh: Mesh, work: Work, shaft: Shaft, count: int, small: Shaft, seed: int,
     whole: bool,
 ) -> float:  # fmt: skip
     """Where a shaft stays open (a, from 0 at U to 1 at V) when a set is flooded from a triangle; -1: the set closes it.
@@ -262,9 +253,9 @@ def stays_open(
         head += 1
         if not apart(scene.vertices, scene.triangles, t, shaft.corners, count, shaft.u):
             return 0.0
-        side = side_in(scene, facets, t, whole, shaft, shaft, False)
+        side = side_in(scene, mesh, t, whole, shaft, shaft, False)
         for i in range(3):
-            partner = _partner(scene, facets, t, i, side, whole, shaft, shaft, False, seen, epoch)
+            partner = _partner(scene, mesh, t, i, side, whole, shaft, shaft, False, seen, epoch)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             a, b = scene.triangles[t, i], scene.triangles[t, (i + 1) % 3]
@@ -277,14 +268,14 @@ def stays_open(
             elif besides == MOST_BESIDES:
                 return 0.5 * (first + last)
             else:
-                e = facets.triangle_edges[t, i]
+                e = mesh.triangle_edges[t, i]
                 known = False
                 for k in range(OPEN_EDGES):
                     known |= work.open_edge[k] == e
                 if known:
                     return 0.5 * (first + last)
                 besides += 1
-                added = _set_beside(scene, facets, work, shaft, count, small, a, b, first, last, whole)
+                added = _set_beside(scene, mesh, work, shaft, count, small, a, b, first, last, whole)
                 if not added:
                     work.open_edge[e % OPEN_EDGES] = e
                     return 0.5 * (first + last)

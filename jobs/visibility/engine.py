@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, closing_sets, item_buffer, occludees, occluders, ray_tree, undecided
-from jobs.visibility.flood import Mesh
+from jobs.visibility import aimed_rays, closing_sets, item_buffer, mesh, occludees, occluders, ray_tree, undecided
+from jobs.visibility.clusters import make_clusters
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
 from jobs.visibility.seals import ROWS, UNKNOWN, Seals
@@ -49,7 +49,7 @@ class EngineSettings:
     """How hard the engine tries; all settings but `sampled` and `seal` are safe: they only trade time for tightness."""
 
     method: str = METHODS[0]  # one of jobs.visibility.methods
-    resolution: int = 96  # pixels along the edge of a cube face
+    resolution: int = 48  # pixels along the edge of a cube face
     layers: int = 2  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
@@ -59,7 +59,7 @@ class EngineSettings:
     aimed_rays: int = 4096  # at drawables that item buffers do not prove visible, all together
     most_aimed_rays: int = 512  # at one of them
     shafts: int = 10_000  # looked at to decide what is neither proven visible nor hidden, all together
-    least_worth: float = 0.1  # triangles that a shaft must be expected to save
+    least_worth: float = 0.3  # triangles that a shaft must be expected to save
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     seal: float = 0.0  # gaps no wider than this, in model units, count as closed: may miss what is seen through them
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
@@ -125,8 +125,14 @@ class Engine:
         """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
-        self._q = np.empty((len(soup.vertices) + (ROWS if soup.gaps else 0), 3), np.float64)
-        self._side = np.empty(len(soup.triangles), np.int8)
+        self._mesh = mesh.make_mesh(
+            soup.vertices, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
+            soup.triangle_drawable, soup.one_sided, ROWS if soup.gaps else 0,
+        )  # fmt: skip
+        self._clusters = make_clusters(
+            soup.cluster_start, soup.cluster_drawable, soup.cluster_lo, soup.cluster_hi, soup.cluster_breadth
+        )
+        self._occluders = occluders.make_work(len(soup.vertices), soup.cluster_start, soup.gaps is not None)
         r = settings.resolution
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
@@ -136,6 +142,7 @@ class Engine:
         self._scene = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
         )
+        self._ancestry = ray_tree.ancestry_of(self._scene)
 
     def on(self, soup: Soup) -> Engine:
         """An engine for other triangles that shares this one's images: use one of the two at a time."""
@@ -174,124 +181,79 @@ class Engine:
         places = soup.places(cut)
         if self.settings.sampled:
             return self._sample(lo, hi, places, most_triangles)
-        active = np.zeros(len(soup.drawables), np.bool_)
-        active[places] = True
         centre = 0.5 * (lo + hi)
         # grown by far more than rounding, so that the cell is inside what is worked with
         half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
-        occluders.to_cell_coordinates(soup.vertices, centre, half, self._q)
-        occluders.find_sides(soup.vertices, soup.triangles, soup.triangle_drawable, active, centre, half, self._side)
+        mesh.begin(self._mesh, places, centre, half)
         glimpses: _Glimpses | None = None
         if most_triangles is not None and soup.triangle_counts[places].sum() > most_triangles:
             # seeing too much already is quicker to find out than how much too much
             glimpses = self._glimpse(places, most_triangles)
             if soup.triangle_counts[glimpses.seen].sum() > most_triangles:
                 return None
-        side = self._side
-        usable = (side != 0) & ~((side < 0) & soup.one_sided[soup.triangle_drawable])
-        cluster_lo = (soup.cluster_lo - centre) / half
-        cluster_hi = (soup.cluster_hi - centre) / half
         decides = self.settings.shafts > 0 and self._shrunk is None
         most_reported = most_triangles if most_triangles is None or not decides else HOPELESS * most_triangles
         if self._shrunk is not None:
-            seen = self._shrunk.find_visible(self._q, side, usable, places, cluster_lo, cluster_hi)
+            seen = self._shrunk.find_visible(self._mesh, places)
         else:
-            seen = self._find_visible(places, active, usable, cluster_lo, cluster_hi, centre, half, most_reported)
+            seen = self._find_visible(places, most_reported)
         visible = places[seen]
         if most_reported is not None and soup.triangle_counts[visible].sum() > most_reported:
             return None
         # what is proven to be hidden stands before nothing that can be seen; what is only taken to be may
-        standing = places if soup.gaps else visible
+        standing = self._standing(places if soup.gaps else visible)
         proven = self._prove(lo, hi, visible, standing, glimpses or self._glimpse(visible))
         if decides:
-            visible, proven = self._decide(lo, hi, active, visible, standing, proven, cluster_lo, cluster_hi)
+            visible, proven = self._decide(lo, hi, visible, standing, proven)
             if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
                 return None
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
 
+    def _standing(self, places: np.ndarray) -> ray_tree.Scene:
+        """What rays may meet: drawables (s,), positions in the soup."""
+        return ray_tree.prune(self._scene, self._ancestry, places)
+
     def _decide(
-        self,
-        lo: np.ndarray,
-        hi: np.ndarray,
-        active: np.ndarray,
-        visible: np.ndarray,
-        before: np.ndarray,
-        proven: np.ndarray,
-        cluster_lo: np.ndarray,
-        cluster_hi: np.ndarray,
+        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, standing: ray_tree.Scene, proven: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can.
 
-        before: (s,) drawables that may stand before what is seen.
+        standing: what may stand before what is seen.
         """
         soup = self.soup
-        standing, hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(3))
-        standing[before] = True
+        hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
         seen[proven] = True
-        left = visible[~seen[visible]]
         closing_sets.forget_marks(self._work)
         undecided.decide(
-            self._scene, standing,
-            closing_sets.Facets(soup.triangle_edges, soup.edge_start, soup.edge_uses, self._side, active),
-            self._work, self._parts, left, soup.drawable_clusters, soup.cluster_start, lo, hi, self._q, cluster_lo, cluster_hi,
-            self._layers, self.settings.shafts, self.settings.least_worth, hidden, seen,
+            standing, self._mesh, self._work, self._parts, visible[~seen[visible]], soup.drawable_clusters,
+            self._clusters, lo, hi, self._layers, self.settings.shafts, self.settings.least_worth, hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 
-    def _find_visible(
-        self,
-        places: np.ndarray,
-        active: np.ndarray,
-        usable: np.ndarray,
-        cluster_lo: np.ndarray,
-        cluster_hi: np.ndarray,
-        centre: np.ndarray,
-        half: np.ndarray,
-        most_triangles: int | None,
-    ) -> np.ndarray:
-        """Which drawables flooded occluder sets do not hide.
-
-        Args:
-            places: (d,) drawables, as positions in the soup; active: (all,) bool the same.
-            usable: (m,) bool triangles that may occlude.
-            cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates; centre, half: (3,) the cell in grid units.
-
-        Returns:
-            (d,) bool.
-        """
-        soup, side = self.soup, self._side
-        drawable_lo = (soup.drawable_lo - centre) / half
-        drawable_hi = (soup.drawable_hi - centre) / half
-
-        in_cut = np.flatnonzero(active[soup.cluster_drawable])
-        nearest = np.maximum(np.maximum(cluster_lo[in_cut], -cluster_hi[in_cut]), 0).max(axis=1)
-        order = in_cut[np.argsort(nearest, kind="stable")]
-        corners = np.abs(np.concatenate([cluster_lo[in_cut], cluster_hi[in_cut]]))
-        farthest = float(corners.max(initial=FARTHEST)) * (1 + 1e-6)
+    def _find_visible(self, places: np.ndarray, most_triangles: int | None) -> np.ndarray:
+        """Which drawables (d,), positions in the soup, flooded occluder sets do not hide: (d,) bool."""
+        soup = self.soup
         clear_layers(self._layers)
-        mesh = Mesh(
-            self._q, side, usable, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses
-        )  # fmt: skip
+        farthest = max(occluders.farthest_of(self._mesh, soup.drawable_lo, soup.drawable_hi, places), FARTHEST)
         # first what is sure, then, if gaps count as closed, what is left
-        for seals in (NO_SEALS, *([self._seals(half)] if soup.gaps else [])):
+        for seals in (NO_SEALS, *([self._seals()] if soup.gaps else [])):
             occluders.cover(
-                mesh, soup.cluster_start, order, cluster_lo, cluster_hi, soup.cluster_breadth / half.min(), farthest,
-                self.settings.largest_flooded_set, self.settings.smallest_window, self._layers, seals,
+                self._mesh, self._clusters, self._occluders, farthest * (1 + 1e-6), self.settings.largest_flooded_set,
+                self.settings.smallest_window, self._layers, seals,
             )  # fmt: skip
         seen: np.ndarray = occludees.find_visible(
-            self._q, side, soup.triangles, places, soup.one_sided, soup.drawable_clusters, soup.cluster_start,
-            cluster_lo, cluster_hi, drawable_lo, drawable_hi, self._layers,
-            soup.triangle_counts, -1 if most_triangles is None else most_triangles,
+            self._mesh, self._clusters, self._layers, soup.triangle_counts,
+            -1 if most_triangles is None else most_triangles,
         )  # fmt: skip
-        return seen
+        return seen[places]
 
-    def _seals(self, half: np.ndarray) -> Seals:
-        """The soup's gaps, of which nothing is known yet for a cell of half extents (3,) in grid units."""
+    def _seals(self) -> Seals:
+        """The soup's gaps, of which nothing is known yet for the cell."""
         gaps = self.soup.gaps
         assert gaps is not None
         count = len(gaps.near)
         state, closed = np.full(count, UNKNOWN, np.int8), np.empty((count, 2), np.float64)
-        return Seals(gaps.start, gaps.near, gaps.part, state, closed, half, np.array([gaps.distance]))
+        return Seals(gaps.start, gaps.near, gaps.part, state, closed, self._mesh.half, np.array([gaps.distance]))
 
     def _glimpse(self, places: np.ndarray, most_triangles: int | None = None) -> _Glimpses:
         """What item buffers show from the cell's corners.
@@ -306,11 +268,10 @@ class Engine:
         pixel = np.zeros((count, len(soup.drawables)), np.int32)
         drawn = np.zeros(len(soup.drawables), np.bool_)
         drawn[places] = True
-        triangles = np.flatnonzero(drawn[soup.triangle_drawable])
         for number, corner in enumerate(PROOF_CORNERS[:count]):
             item_buffer.see(
-                self._q, soup.triangles, triangles, soup.triangle_drawable, soup.one_sided, np.array(corner) * EYE,
-                self.settings.proof_resolution, triangle[number], pixel[number],
+                self._mesh, self._clusters, drawn, np.array(corner) * EYE, self.settings.proof_resolution,
+                triangle[number], pixel[number],
             )  # fmt: skip
             seen = _Glimpses(triangle, pixel).seen
             if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
@@ -318,19 +279,17 @@ class Engine:
         return _Glimpses(triangle, pixel)
 
     def _prove(
-        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, before: np.ndarray, glimpses: _Glimpses
+        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, standing: ray_tree.Scene, glimpses: _Glimpses
     ) -> np.ndarray:
-        """Which of the drawables (k,) that may be seen surely are, as positions in the soup; `before` may hide them."""
+        """Which of the drawables (k,) that may be seen surely are, as positions in the soup; `standing` may hide them."""
         soup = self.soup
         proven = np.zeros(len(soup.drawables), np.bool_)
         if not self.settings.proof_resolution:
             return visible[:0]
-        standing = np.zeros(len(soup.drawables), np.bool_)
-        standing[before] = True
         half = 0.5 * (hi - lo)
         eyes = 0.5 * (lo + hi) + half * EYE * np.array(PROOF_CORNERS)[: len(glimpses.triangle)]
         aimed_rays.confirm(
-            self._scene, standing, visible, eyes, half, glimpses.triangle, glimpses.pixel,
+            standing, visible, eyes, half, glimpses.triangle, glimpses.pixel,
             self.settings.proof_resolution, proven,
         )  # fmt: skip
         self._aim(standing, visible, lo, hi, self.settings.aimed_rays, proven)
@@ -338,23 +297,29 @@ class Engine:
         return surely
 
     def _aim(
-        self, standing: np.ndarray, chosen: np.ndarray, lo: np.ndarray, hi: np.ndarray, rays: int, proven: np.ndarray
+        self,
+        standing: ray_tree.Scene,
+        chosen: np.ndarray,
+        lo: np.ndarray,
+        hi: np.ndarray,
+        rays: int,
+        proven: np.ndarray,
     ) -> None:
         """So many rays at those of the drawables (k,) that are not proven visible, first a few at each, then more."""
         end, most = 0, self.settings.most_aimed_rays
         for share in AIM_SHARES:
             left = chosen[~proven[chosen]]
             begin, end = end, min(end + int(share * rays) // max(len(left), 1), most)
-            aimed_rays.aim(self._scene, standing, left, self._first, lo, hi, begin, end, proven)
+            aimed_rays.aim(standing, left, self._first, lo, hi, begin, end, proven)
 
     def _sample(
         self, lo: np.ndarray, hi: np.ndarray, places: np.ndarray, most_triangles: int | None
     ) -> CellVisibility | None:
         """What rays meet of some drawables (k,), positions in the soup, or None as in `visible_from`."""
         soup = self.soup
-        standing, seen, proven = (np.zeros(len(soup.drawables), np.bool_) for _ in range(3))
-        standing[places] = True
-        aimed_rays.scatter(self._scene, standing, lo, hi, self.settings.sampling_rays, seen, proven)
+        seen, proven = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
+        standing = self._standing(places)
+        aimed_rays.scatter(standing, lo, hi, self.settings.sampling_rays, seen, proven)
         if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
             return None
         self._aim(standing, places, lo, hi, self.settings.sampling_aimed_rays, proven)
@@ -373,14 +338,16 @@ class Engine:
         Args:
             lo, hi, cut: as for `visible_from`; visible: what it reported.
         """
-        standing, drawn = (np.zeros(len(self.soup.drawables), np.bool_) for _ in range(2))
-        standing[self.soup.places(cut)] = True
-        drawn[self.soup.places(visible)] = True
+        reported = self.soup.places(visible)
+        drawn = np.zeros(len(self.soup.drawables), np.bool_)
+        drawn[reported] = True
         count = self.settings.hold_out_rays
         part = aimed_rays.INSET / 2 + (1 - aimed_rays.INSET) * rng.random((count, 3))
         part[np.arange(count), rng.integers(0, 3, count)] = np.where(
             rng.random(count) < 0.5, aimed_rays.INSET / 2, 1 - aimed_rays.INSET / 2
         )
         starts = lo + (hi - lo) * part
-        missed = aimed_rays.count_misses(self._scene, standing, drawn, starts, rng.normal(size=(count, 3)))
+        missed = aimed_rays.count_misses(
+            self._standing(self.soup.places(cut)), self._standing(reported), drawn, starts, rng.normal(size=(count, 3))
+        )
         return int(missed)

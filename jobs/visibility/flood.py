@@ -10,28 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
+from jobs.visibility.mesh import Mesh, look
 from storage.kernels import kernel
-
-
-class Mesh(NamedTuple):
-    """All triangles of a soup as a cell sees them."""
-
-    q: np.ndarray  # (n, 3) float64 vertices in cell coordinates
-    side: np.ndarray  # (m,) int8, see occluders.find_sides
-    usable: np.ndarray  # (m,) bool, triangles that may occlude
-    triangles: np.ndarray  # (m, 3) int32
-    triangle_edges: np.ndarray  # (m, 3) int32, see topology.edges
-    edge_start: np.ndarray  # (e + 1,) int32
-    edge_uses: np.ndarray  # (3 m,) int32
 
 
 @kernel()
 def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np.ndarray, core: np.ndarray) -> int:
     """What hangs together with `seed` by safe edges among triangles first ... last - 1; the number written to `core`.
 
-    cored: (m,) int8, at least `mark` where a triangle belongs to a core already; core: (m,) int32.
+    cored: (m,) int32, at least `mark` where a triangle belongs to a core already; core: (last - first or more,) int32.
     """
-    side, usable, triangles, triangle_edges = mesh.side, mesh.usable, mesh.triangles, mesh.triangle_edges
+    triangles, triangle_edges = mesh.triangles, mesh.triangle_edges
     edge_start, edge_uses = mesh.edge_start, mesh.edge_uses
     count = 1
     core[0] = seed
@@ -40,20 +29,18 @@ def grow_core(mesh: Mesh, seed: int, first: int, last: int, mark: int, cored: np
     while head < count:
         t = core[head]
         head += 1
+        side = look(mesh, t)
         for i in range(3):
             e = triangle_edges[t, i]
-            mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+            mine = side if triangles[t, i] < triangles[t, (i + 1) % 3] else -side
             for j in range(edge_start[e], edge_start[e + 1]):
                 other = edge_uses[j] >> 1
-                if (
-                    first <= other < last
-                    and cored[other] < mark
-                    and usable[other]
-                    and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine
-                ):
-                    cored[other] = mark
-                    core[count] = other
-                    count += 1
+                if first <= other < last and cored[other] < mark:
+                    its = look(mesh, other)
+                    if (-its if edge_uses[j] & 1 else its) == -mine:
+                        cored[other] = mark
+                        core[count] = other
+                        count += 1
     return count
 
 
@@ -95,7 +82,7 @@ def core_window(
 class Images(NamedTuple):
     """What has been worked out of the vertices on one face: rows are filled when they are first asked for."""
 
-    known: np.ndarray  # (n,) int8, the last face for which the row is filled
+    known: np.ndarray  # (n,) int32, the mark of the last face for which the row is filled
     rows: (
         np.ndarray
     )  # (n, 6) float64: bounding rectangle of the inflated vertex (u0, u1, v0, v1), its own u and v, pixels
@@ -110,12 +97,13 @@ def look_at(
     ahead: np.ndarray,
     vertex: int,
     face: int,
+    mark: int,
     half: float,
     farthest: float,
 ) -> bool:
     """Fill a vertex's row (see `Images`) for a face unless it is; whether the row may be used."""
-    if known[vertex] != face:
-        known[vertex] = face
+    if known[vertex] != mark:
+        known[vertex] = mark
         u, v, z = to_face(q, vertex, face)
         ahead[vertex] = z >= NEAR
         if z >= NEAR:
@@ -133,6 +121,7 @@ def flood_from(
     core: np.ndarray,
     n_core: int,
     face: int,
+    mark: int,
     resolution: int,
     farthest: float,
     least_depth: float,
@@ -148,7 +137,7 @@ def flood_from(
 
     Args:
         mesh, core, n_core, face, resolution: as above; n_core is at most `largest`.
-        images: of the vertices on this face.
+        images: of the vertices; mark: those that were filled for this face and this cell have it.
         farthest: nothing is deeper, and images are inflated for this depth.
         least_depth: of what the core may hide; at least 1.5.
         window: (i0, i1, j0, j1) pixels, both ends included.
@@ -162,26 +151,64 @@ def flood_from(
         (triangles in the set, those to draw, unsafe edges); the last is -1 where one unsafe edge alone spoils the whole
         window at `least_depth`, and thus at all depths.
     """
+    for k in range(n_core):
+        flood[k] = core[k]
+        seen[core[k]] = epoch
+    n_flood, n_drawn, n_unsafe = spread(
+        mesh, images, face, mark, resolution, farthest, least_depth, window, epoch, seen, flood, n_core, 0, n_core,
+        drawn, 0, unsafe, 0, sweep,
+    )  # fmt: skip
+    for k in range(n_unsafe):
+        t, i = unsafe[k, 0], unsafe[k, 1] % 3
+        unsafe[k, 0], unsafe[k, 1] = mesh.triangles[t, i], mesh.triangles[t, (i + 1) % 3]
+    return n_flood, n_drawn, n_unsafe
+
+
+@kernel()
+def spread(
+    mesh: Mesh,
+    images: Images,
+    face: int,
+    mark: int,
+    resolution: int,
+    farthest: float,
+    least_depth: float,
+    window: tuple[int, int, int, int],
+    epoch: int,
+    seen: np.ndarray,
+    flood: np.ndarray,
+    n_core: int,
+    head: int,
+    n_flood: int,
+    drawn: np.ndarray,
+    n_drawn: int,
+    stops: np.ndarray,
+    n_stops: int,
+    sweep: np.ndarray,
+) -> tuple[int, int, int]:
+    """Let a set grow as far as safe edges lead.
+
+    Args: as for `flood_from`, and
+        least_depth: 0 where it does not matter that an edge spoils the whole window.
+        head: of the `n_flood` triangles in `flood` this many have been gone through; the first `n_core` are the core.
+        stops: (3 largest, 2) int32, receives the edges where it ends: a triangle and 0, 1 or 2, or 3 more than that
+            where only room was missing to go on. `n_stops` and `n_drawn` are there already.
+
+    Returns:
+        (triangles in the set, those to draw, stops); the last is -1 where an edge spoils the whole window.
+    """
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
     half = 0.5 * resolution
     slack = 1e-3
-    # plain arrays: numba counts references where members of tuples are passed on
-    q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
-    triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
+    q, triangles = mesh.q, mesh.triangles
     known, rows, is_ahead = images.known, images.rows, images.ahead
-    n_flood, n_drawn, n_unsafe = 0, 0, 0
-    for k in range(n_core):
-        flood[n_flood] = core[k]
-        seen[core[k]] = epoch
-        n_flood += 1
-    head = 0
     while head < n_flood:
         t = flood[head]
         head += 1
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ahead = look_at(q, known, rows, is_ahead, a, face, half, farthest)
-        ahead &= look_at(q, known, rows, is_ahead, b, face, half, farthest)
-        ahead &= look_at(q, known, rows, is_ahead, c, face, half, farthest)
+        ahead = look_at(q, known, rows, is_ahead, a, face, mark, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, b, face, mark, half, farthest)
+        ahead &= look_at(q, known, rows, is_ahead, c, face, mark, half, farthest)
         if head > n_core and (
             not ahead
             or (
@@ -198,12 +225,10 @@ def flood_from(
             if ahead:
                 touches = hull_touches(rows, a, b, u0, u1, v0, v1)
             else:
-                touches = False
-                for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
-                    touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
+                touches = edge_touches(q, a, b, face, resolution, farthest, u0, u1, v0, v1, sweep)
             if not touches:
                 continue
-            partner = find_partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
+            partner = find_partner(mesh, t, i, epoch, seen)
             if partner >= 0 and seen[partner] == epoch:
                 continue
             if partner >= 0 and n_flood < flood.shape[0]:
@@ -211,36 +236,67 @@ def flood_from(
                 seen[partner] = epoch
                 n_flood += 1
                 continue
-            unsafe[n_unsafe, 0] = a
-            unsafe[n_unsafe, 1] = b
-            n_unsafe += 1
-            n_sweeps = inflate_edge(q, a, b, face, resolution, least_depth, sweep)
-            for k in range(2 * n_sweeps):
-                if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
-                    return n_flood, 0, -1
-    return n_flood, n_drawn, n_unsafe
+            stops[n_stops, 0] = t
+            stops[n_stops, 1] = i if partner < 0 else i + 3
+            n_stops += 1
+            if least_depth > 0.0 and spoils_all(q, a, b, face, resolution, least_depth, u0, u1, v0, v1, sweep):
+                return n_flood, 0, -1
+    return n_flood, n_drawn, n_stops
+
+
+@kernel()
+def edge_touches(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    face: int,
+    resolution: int,
+    farthest: float,
+    u0: float,
+    u1: float,
+    v0: float,
+    v1: float,
+    sweep: np.ndarray,
+) -> bool:
+    """Whether an edge's image, inflated for all depths, touches a rectangle."""
+    touches = False
+    for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
+        touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
+    return touches
+
+
+@kernel()
+def spoils_all(
+    q: np.ndarray,
+    a: int,
+    b: int,
+    face: int,
+    resolution: int,
+    least_depth: float,
+    u0: float,
+    u1: float,
+    v0: float,
+    v1: float,
+    sweep: np.ndarray,
+) -> bool:
+    """Whether an edge's image, inflated for a depth, holds a rectangle at one of its ends."""
+    for k in range(2 * inflate_edge(q, a, b, face, resolution, least_depth, sweep)):
+        if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
+            return True
+    return False
 
 
 @kernel(inline="always")
-def find_partner(
-    side: np.ndarray,
-    usable: np.ndarray,
-    triangles: np.ndarray,
-    triangle_edges: np.ndarray,
-    edge_start: np.ndarray,
-    edge_uses: np.ndarray,
-    t: int,
-    i: int,
-    epoch: int,
-    seen: np.ndarray,
-) -> int:
-    """A usable triangle strictly on the other side of edge i of t, one of the set where there is one; -1 for none."""
-    e = triangle_edges[t, i]
-    mine = side[t] if triangles[t, i] < triangles[t, (i + 1) % 3] else -side[t]
+def find_partner(mesh: Mesh, t: int, i: int, epoch: int, seen: np.ndarray) -> int:
+    """A triangle strictly on the other side of edge i of t, one of the set where there is one; -1 for none."""
+    e = mesh.triangle_edges[t, i]
+    side = look(mesh, t)
+    mine = side if mesh.triangles[t, i] < mesh.triangles[t, (i + 1) % 3] else -side
     partner = -1
-    for j in range(edge_start[e], edge_start[e + 1]):
-        other = edge_uses[j] >> 1
-        if usable[other] and (-side[other] if edge_uses[j] & 1 else side[other]) == -mine:
+    for j in range(mesh.edge_start[e], mesh.edge_start[e + 1]):
+        other = mesh.edge_uses[j] >> 1
+        its = look(mesh, other)
+        if (-its if mesh.edge_uses[j] & 1 else its) == -mine:
             if seen[other] == epoch:
                 partner = other
                 break

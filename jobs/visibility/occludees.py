@@ -2,13 +2,15 @@
 
 An occludee is hidden if each pixel of each cube face that its image touches (rounded outward) has a layer in front of
 the occludee's nearest depth there whose limit is not below its farthest depth there. Rounding is always towards
-"visible": depths must be strictly less, by more than float32's rounding, so that nothing hides itself.
+"visible": depths must be strictly less, by more than float32's rounding, so that nothing hides itself. What is rounded
+is monotone, so a box is hidden wherever one around it is: whoever finds a node of a tree hidden need not look below it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from jobs.visibility.clusters import Clusters, place_node
 from jobs.visibility.cube_faces import (
     box_on_face,
     clip_triangle,
@@ -16,6 +18,8 @@ from jobs.visibility.cube_faces import (
     strip_extent,
 )
 from jobs.visibility.layers import pixel_hides
+from jobs.visibility.mesh import TURNED, Mesh, look
+from jobs.visibility.ray_tree import STACK
 from storage.kernels import allocating_kernel, kernel
 
 #: An occludee's nearest depth is rounded down by this factor before it is compared.
@@ -109,60 +113,50 @@ def triangle_hidden(q: np.ndarray, a: int, b: int, c: int, layers: np.ndarray, p
 
 @allocating_kernel()
 def find_visible(
-    q: np.ndarray,
-    side: np.ndarray,
-    triangles: np.ndarray,
-    drawables: np.ndarray,
-    one_sided: np.ndarray,
-    drawable_clusters: np.ndarray,
-    cluster_start: np.ndarray,
-    cluster_lo: np.ndarray,
-    cluster_hi: np.ndarray,
-    drawable_lo: np.ndarray,
-    drawable_hi: np.ndarray,
-    layers: np.ndarray,
-    counts: np.ndarray,
-    most_triangles: int,
+    mesh: Mesh, clusters: Clusters, layers: np.ndarray, counts: np.ndarray, most_triangles: int
 ) -> np.ndarray:
-    """Which drawables may be seen from the cell: by boxes, then clusters' boxes, then triangles.
+    """Which drawables of the cut may be seen from the cell: by boxes of a tree, then clusters' boxes, then triangles.
 
     Args:
-        q, side, triangles: as in `occluders.cover`.
-        drawables: (d,) int64 the drawables to test; one_sided: (all,) bool.
-        drawable_clusters: (all + 1,) int32 offsets into the clusters; cluster_start: (k + 1,) int32.
-        cluster_lo, cluster_hi: (k, 3), drawable_lo, drawable_hi: (all, 3) float64 boxes in cell coordinates.
-
-        counts: (all,) int64 triangles of the drawables; most_triangles: stop once more than this are visible, the
+        mesh: the triangles, as the cell sees them; clusters: of these.
+        layers: (6, r, r, k, 2) float32, see `layers`.
+        counts: (drawables,) int64 triangles of the drawables; most_triangles: stop once more than this are visible, the
             rest of the answer is then not to be used; -1: never stop.
 
     Returns:
-        (d,) bool. A triangle of a one-sided drawable counts only where its front can be seen.
+        (drawables,) bool. A triangle of a one-sided drawable counts only where its front can be seen.
     """
+    q, triangles = mesh.q, mesh.triangles
     polygon = np.empty((4, 2), np.float64)
-    visible = np.zeros(drawables.shape[0], np.bool_)
+    placed = np.empty((2, 3), np.float64)
+    visible = np.zeros(mesh.active.shape[0], np.bool_)
+    stack = np.empty(STACK, np.int32)
+    stack[0] = 0
+    waiting = min(clusters.right.shape[0], 1)
     total = 0
-    for k in range(drawables.shape[0]):
-        if 0 <= most_triangles < total:
-            break
-        d = drawables[k]
-        if drawable_clusters[d] == drawable_clusters[d + 1]:
+    while waiting and not 0 <= most_triangles < total:
+        waiting -= 1
+        node = stack[waiting]
+        c = clusters.cluster[node]
+        if c >= 0 and (visible[clusters.drawable[c]] or not mesh.active[clusters.drawable[c]]):
             continue
-        if box_hidden(drawable_lo[d], drawable_hi[d], layers, False):
+        place_node(clusters, node, mesh.centre, mesh.half, placed)
+        if box_hidden(placed[0], placed[1], layers, False):
             continue
-        for c in range(drawable_clusters[d], drawable_clusters[d + 1]):
-            if box_hidden(cluster_lo[c], cluster_hi[c], layers, False):
+        if c < 0:
+            stack[waiting], stack[waiting + 1] = clusters.right[node], node + 1
+            waiting += 2
+            continue
+        for t in range(clusters.start[c], clusters.start[c + 1]):
+            side = look(mesh, t)
+            if side == TURNED:
                 continue
-            for t in range(cluster_start[c], cluster_start[c + 1]):
-                if one_sided[d] and side[t] < 0:
-                    continue
-                if (
-                    (side[t] == 0 and may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
-                    or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], layers, polygon)
-                ):  # fmt: skip
-                    visible[k] = True
-                    break
-            if visible[k]:
-                total += counts[d]
+            if (
+                (side == 0 and may_touch(q, triangles[t, 0], triangles[t, 1], triangles[t, 2]))
+                or not triangle_hidden(q, triangles[t, 0], triangles[t, 1], triangles[t, 2], layers, polygon)
+            ):  # fmt: skip
+                visible[clusters.drawable[c]] = True
+                total += counts[clusters.drawable[c]]
                 break
     return visible
 

@@ -4,8 +4,9 @@ Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian,
 High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
 one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
 
-**Safe edges.** For a triangle t and the cell V, `side[t]` is +1 or -1 where V lies strictly on one side of t's plane,
-else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge, this side.
+**Safe edges.** For a triangle t and the cell V, its side (see `mesh`) is +1 or -1 where V lies strictly on one side of
+t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge,
+this side.
 So an edge is safe for V and a set S of triangles that do not meet V if two of its triangles in S have opposite
 side times direction: they lie strictly on opposite sides of the edge as seen from every p in V.
 
@@ -31,100 +32,82 @@ how the pixels of all sets are kept.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from jobs.visibility.clusters import Clusters
 from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
-from jobs.visibility.flood import Images, Mesh, core_window, flood_from, grow_core
+from jobs.visibility.flood import Images, core_window, flood_from, grow_core
+from jobs.visibility.front_to_back import Queue, begin_queue, make_queue, next_cluster
 from jobs.visibility.gaps import MOST
 from jobs.visibility.layers import add_layer, pixel_hides
-from jobs.visibility.occludees import box_hidden_on
+from jobs.visibility.mesh import Mesh, may_occlude
 from jobs.visibility.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
 from jobs.visibility.silhouettes import lower_limits
 from storage.kernels import allocating_kernel, kernel
 
-#: Clusters whose sheet is so narrow that its silhouettes would spoil all of it at this many times its depth are not
-#: worth drawing.
-WORTH = 1.25
+#: Marks are cleared once so many floods have been counted: they fit int32, whatever a cell adds.
+MOST_EPOCHS = 1 << 30
+
+
+class Work(NamedTuple):
+    """What occluders are drawn in, cell by cell. Epochs count floods and faces; they only grow."""
+
+    epoch: np.ndarray  # (1,) int64 the last one
+    images: Images  # of the vertices; those that are known have the epoch of the face
+    cored: np.ndarray  # (m,) int32 the epoch of the last face on which a triangle belonged to a core
+    seen: np.ndarray  # (m,) int32 the epoch of the last flood that took a triangle in
+    core: np.ndarray  # (largest cluster,) int32
+    ends: np.ndarray  # (n, 4) int32, see seals.Sealing; none where no gaps count as closed
+    queue: Queue
+
+
+def make_work(vertices: int, cluster_start: np.ndarray, sealed: bool) -> Work:
+    """What occluders are drawn in among so many vertices; cluster_start: (k + 1,) int32; sealed: gaps may be closed."""
+    m = int(cluster_start[-1])
+    return Work(
+        np.zeros(1, np.int64),
+        Images(np.zeros(vertices, np.int32), np.empty((vertices, 6), np.float64), np.empty(vertices, np.bool_)),
+        np.zeros(m, np.int32), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
+        np.zeros((vertices if sealed else 0, 4), np.int32), make_queue(len(cluster_start) - 1),
+    )  # fmt: skip
 
 
 @kernel()
-def find_sides(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    triangle_drawable: np.ndarray,
-    active: np.ndarray,
-    centre: np.ndarray,
-    half: np.ndarray,
-    side: np.ndarray,
-) -> None:
-    """On which side of each triangle's plane the whole cell lies.
+def farthest_of(mesh: Mesh, lo: np.ndarray, hi: np.ndarray, places: np.ndarray) -> float:
+    """How deep anything of the cut is on any face, in cell coordinates.
 
     Args:
-        vertices: (n, 3) int32 grid coordinates (exact in float64, as are the normals' products).
-        triangles: (m, 3) int32; triangle_drawable: (m,) int32; active: (drawables,) bool.
-        centre, half: (3,) float64 the cell in grid units.
-        side: (m,) int8, receives +1 (the cell sees the front only), -1 (the back only), 0 (the plane meets the cell,
-            or too near to tell; also for triangles of inactive drawables).
+        mesh: the triangles, as the cell sees them.
+        lo, hi: (drawables, 3) float64 their boxes in grid units, lo > hi where a drawable has no triangles.
+        places: (c,) int64 the drawables of the cut.
     """
-    for t in range(triangles.shape[0]):
-        side[t] = 0
-        if not active[triangle_drawable[t]]:
-            continue
-        side[t] = side_of(vertices, triangles, t, centre, half)
-
-
-@kernel()
-def side_of(vertices: np.ndarray, triangles: np.ndarray, t: int, centre: np.ndarray, half: np.ndarray) -> int:
-    """The side of triangle t's plane on which a whole box lies: see `find_sides`."""
-    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    ax, ay, az = float(vertices[a, 0]), float(vertices[a, 1]), float(vertices[a, 2])
-    ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
-    vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
-    nx = uy * vz - uz * vy
-    ny = uz * vx - ux * vz
-    nz = ux * vy - uy * vx
-    dx, dy, dz = centre[0] - ax, centre[1] - ay, centre[2] - az
-    o = nx * dx + ny * dy + nz * dz
-    reach = abs(nx) * half[0] + abs(ny) * half[1] + abs(nz) * half[2]
-    doubt = 1e-14 * (abs(nx * dx) + abs(ny * dy) + abs(nz * dz) + reach)
-    if o > reach + doubt:
-        return 1
-    if -o > reach + doubt:
-        return -1
-    return 0
-
-
-@kernel()
-def to_cell_coordinates(vertices: np.ndarray, centre: np.ndarray, half: np.ndarray, q: np.ndarray) -> None:
-    """Q (n, 3) float64 = (vertices (n, 3) int32 - centre) / half, all in grid units."""
-    for i in range(vertices.shape[0]):
-        for k in range(3):
-            q[i, k] = (vertices[i, k] - centre[k]) / half[k]
+    far = 0.0
+    for d in places:
+        if lo[d, 0] <= hi[d, 0]:
+            for k in range(3):
+                far = max(far, (mesh.centre[k] - lo[d, k]) / mesh.half[k], (hi[d, k] - mesh.centre[k]) / mesh.half[k])
+    return far
 
 
 @allocating_kernel()
 def cover(
     mesh: Mesh,
-    cluster_start: np.ndarray,
-    cluster_order: np.ndarray,
-    cluster_lo: np.ndarray,
-    cluster_hi: np.ndarray,
-    cluster_breadth: np.ndarray,
+    clusters: Clusters,
+    work: Work,
     farthest: float,
     largest_set: int,
     smallest_window: int,
     layers: np.ndarray,
     seals: Seals,
 ) -> tuple[int, int, int]:
-    """Draw the occlusion of all usable triangles, nearest clusters first, into layers.
+    """Draw the occlusion of all triangles of the cut, nearest clusters first, into layers.
 
     Args:
-        mesh: the triangles; side != 0 for each usable one.
-        cluster_start: (k + 1,) int32: cluster c holds triangles cluster_start[c] ... cluster_start[c + 1] - 1.
-        cluster_order: (a,) int64 the clusters to use as cores, nearest first.
-        cluster_lo, cluster_hi: (k, 3) float64 boxes in cell coordinates.
-        cluster_breadth: (k,) float64 in cell coordinates, see `soup`: clusters of sheets that inflated silhouettes
-            would swallow whole are not tried.
+        mesh: the triangles, as the cell sees them.
+        clusters: of the triangles: the cores of the floods.
+        work: see `make_work`.
         farthest: nothing is deeper, on any face.
         largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
         smallest_window: cores whose image has fewer pixels on a face are not tried there.
@@ -135,14 +118,15 @@ def cover(
     Returns:
         (cores drawn, triangles flooded, pixels covered): counts for profiling.
     """
-    m = mesh.triangles.shape[0]
     resolution = layers.shape[2]
-    n = mesh.q.shape[0]
-    images = Images(np.full(n, -1, np.int8), np.empty((n, 6), np.float64), np.empty(n, np.bool_))
-    cored = np.zeros(m, np.int8)
-    seen = np.zeros(m, np.int32)
-    epoch = 0
-    core = np.empty(m, np.int32)
+    images, cored, seen, core, queue = work.images, work.cored, work.seen, work.core, work.queue
+    if work.epoch[0] > MOST_EPOCHS:
+        work.epoch[0] = 0
+        images.known[:] = 0
+        cored[:] = 0
+        seen[:] = 0
+        work.ends[:] = 0
+    epoch = work.epoch[0]
     flood = np.empty(largest_set, np.int32)
     drawn = np.empty(largest_set, np.int32)
     unsafe = np.empty((3 * largest_set, 2), np.int32)
@@ -153,25 +137,28 @@ def cover(
     rows = np.empty((resolution, 2), np.int32)
     sealed = seals.near.shape[0] > 0
     sealing = Sealing(
-        np.empty((3 * largest_set if sealed else 0, 2), np.int32), np.zeros((n if sealed else 0, 4), np.int32),
+        np.empty((3 * largest_set if sealed else 0, 2), np.int32), work.ends,
         np.empty((MOST, 2), np.float64), np.empty(MOST, np.int64), np.empty(ROWS if sealed else 0, np.int64),
         np.empty((ROWS if sealed else 0, 3), np.int32), np.empty(3, np.float64),
     )  # fmt: skip
     touched = np.empty((resolution, resolution) if sealed else (0, 0), np.float64)
     in_order = np.arange(ROWS if sealed else 0).astype(np.int32)
     n_core_strips, n_strips = 0, 0
-    q, triangles, usable = mesh.q, mesh.triangles, mesh.usable
+    q, triangles = mesh.q, mesh.triangles
     cores, flooded, pixels = 0, 0, 0
     for face in range(6):
-        for c in cluster_order:
-            if cluster_breadth[c] < 2.0 * _least_inflation(cluster_lo[c], cluster_hi[c]):
-                continue
-            if box_hidden_on(face, cluster_lo[c], cluster_hi[c], layers, True):
-                continue
-            for seed in range(cluster_start[c], cluster_start[c + 1]):
-                if cored[seed] > face or not usable[seed]:
+        epoch += 1
+        mark = epoch
+        waiting = begin_queue(clusters, mesh, face, resolution, queue)
+        while True:
+            c, waiting = next_cluster(clusters, mesh, face, layers, queue, waiting)
+            if c < 0:
+                break
+            first, last = clusters.start[c], clusters.start[c + 1]
+            for seed in range(first, last):
+                if cored[seed] >= mark or not may_occlude(mesh, seed):
                     continue
-                n_core = grow_core(mesh, seed, cluster_start[c], cluster_start[c + 1], face + 1, cored, core)
+                n_core = grow_core(mesh, seed, first, last, mark, cored, core)
                 n_core = min(n_core, largest_set)
                 found, i0, i1, j0, j1, near = core_window(q, triangles, core, n_core, face, resolution, polygon)
                 if sealed:
@@ -200,13 +187,13 @@ def cover(
                 epoch += 1
                 if sealed:
                     n_flood, n_sure, n_drawn, n_unsafe, n_strips = flood_sealed(
-                        mesh, images, seals, sealing, core, n_core, n_core_strips, face, resolution, farthest,
-                        max(near, 1.5), (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
+                        mesh, images, seals, sealing, core, n_core, n_core_strips, face, mark, resolution,
+                        farthest, max(near, 1.5), (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
                     )  # fmt: skip
                 else:
                     n_flood, n_drawn, n_unsafe = flood_from(
-                        mesh, images, core, n_core, face, resolution, farthest, max(near, 1.5), (i0, i1, j0, j1),
-                        epoch, seen, flood, drawn, unsafe, sweep,
+                        mesh, images, core, n_core, face, mark, resolution, farthest, max(near, 1.5),
+                        (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
                     )  # fmt: skip
                     n_sure = n_drawn
                 flooded += n_flood
@@ -238,6 +225,7 @@ def cover(
                             pixels += 1
                             all_depths = limit[j, i] >= farthest
                             add_layer(layers, face, j, i, deepest[j, i], np.inf if all_depths else limit[j, i])
+    work.epoch[0] = epoch
     return cores, flooded, pixels
 
 
@@ -334,12 +322,3 @@ def _draw_triangle(
             deepest[j, i] = max(deepest[j, i], z)
             if core and middle_left <= i + 0.5 <= middle_right:
                 limit[j, i] = farthest
-
-
-@kernel()
-def _least_inflation(lo: np.ndarray, hi: np.ndarray) -> float:
-    """The alpha (see `cube_faces`) of a box's farthest point for occludees WORTH times as deep."""
-    far = 0.0
-    for k in range(3):
-        far = max(far, abs(lo[k]), abs(hi[k]))
-    return (WORTH - 1.0) * far / (WORTH * far - 1.0)

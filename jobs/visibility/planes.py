@@ -11,9 +11,7 @@ from storage.kernels import kernel
 
 
 @kernel(inline="always")
-def plane_of(
-    vertices: np.ndarray, triangles: np.ndarray, t: int
-) -> tuple[float, float, float, float, float, float]:
+def plane_of(vertices: np.ndarray, triangles: np.ndarray, t: int) -> tuple[float, float, float, float, float, float]:
     """The first corner of triangle t and its normal, twice the area long, exact: (x, y, z, nx, ny, nz).
 
     vertices: (n, 3) int32 grid units; triangles: (m, 3) int32.

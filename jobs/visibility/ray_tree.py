@@ -46,7 +46,9 @@ class Scene(NamedTuple):
     bundle_start: np.ndarray  # (b + 1,) int32 offsets into the triangles
     triangle_drawable: np.ndarray  # (m,) int32
     one_sided: np.ndarray  # (drawables,) bool: their backs let rays pass
-    corners: np.ndarray  # (b, 9, BUNDLE) float32 coordinates of each bundle's triangles side by side: a last one's again
+    corners: (
+        np.ndarray
+    )  # (b, 9, BUNDLE) float32 coordinates of each bundle's triangles side by side: a last one's again
 
 
 class Ancestry(NamedTuple):
@@ -399,9 +401,7 @@ def find_blocker(
 
 
 @kernel()
-def find_first(
-    scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray
-) -> tuple[int, float]:
+def find_first(scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray) -> tuple[int, float]:
     """The triangle that a ray from o along d meets first, and where, in ray lengths; -1 where it meets none.
 
     Args: as for `find_blocker`. Backs of one-sided drawables let the ray pass.

@@ -39,8 +39,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.visibility.cube_faces import hull_touches, inflate_edge
-from jobs.visibility.flood import Images, Mesh, find_partner, look_at
+from jobs.visibility.flood import Images, edge_touches, find_partner, spoils_all, spread
+from jobs.visibility.mesh import Mesh, look, may_occlude
 from storage.kernels import kernel
 
 #: Rows that a mesh's q has beyond its vertices: ends of parts of edges and of strips.
@@ -87,7 +87,7 @@ def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_
     They cover pixels as the core does, or a gap would be seen where a pixel's middle lies in it. Returns the number of
     triangles. seen: (m,) int32, not negative.
     """
-    q, triangles, side, usable, triangle_edges = mesh.q, mesh.triangles, mesh.side, mesh.usable, mesh.triangle_edges
+    q, triangles, triangle_edges = mesh.q, mesh.triangles, mesh.triangle_edges
     start, near, strips = seals.start, seals.near, sealing.strips
     taken, count = q.shape[0] - ROWS + 2, 0
     last = taken + CORE_ROWS
@@ -97,18 +97,15 @@ def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_
             e = triangle_edges[t, i]
             if start[e] == start[e + 1]:
                 continue
-            if (
-                find_partner(side, usable, triangles, triangle_edges, mesh.edge_start, mesh.edge_uses, t, i, -1, seen)
-                >= 0
-            ):
+            if find_partner(mesh, t, i, -1, seen) >= 0:
                 continue
             a, b = triangles[t, i], triangles[t, (i + 1) % 3]
             low, high = min(a, b), max(a, b)
-            mine = side[t] if a < b else -side[t]
+            mine = look(mesh, t) if a < b else -look(mesh, t)
             for k in range(start[e], start[e + 1]):
                 if taken + 4 > last:
                     return count
-                if usable[near[k]] and _closes(q, triangles, seals, k, low, high, mine, sealing.point):
+                if may_occlude(mesh, near[k]) and _closes(q, triangles, seals, k, low, high, mine, sealing.point):
                     _put_strip(q, triangles, seals, k, low, high, mine, taken, strips, count, sealing.point)
                     sealing.core_gaps[count // 2] = k
                     taken += 4
@@ -141,6 +138,7 @@ def flood_sealed(
     n_core: int,
     n_core_strips: int,
     face: int,
+    mark: int,
     resolution: int,
     farthest: float,
     least_depth: float,
@@ -166,59 +164,22 @@ def flood_sealed(
         was drawn before.
     """
     u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
-    half = 0.5 * resolution
-    slack = 1e-3
-    q, triangles, side, usable = mesh.q, mesh.triangles, mesh.side, mesh.usable
-    triangle_edges, edge_start, edge_uses = mesh.triangle_edges, mesh.edge_start, mesh.edge_uses
-    known, rows, is_ahead = images.known, images.rows, images.ahead
+    q, triangles, triangle_edges, side = mesh.q, mesh.triangles, mesh.triangle_edges, mesh.side
     stops, start, near, closed = sealing.stops, seals.start, seals.near, seals.closed
     free = q.shape[0] - ROWS
-    n_flood, n_drawn, n_stops = 0, 0, 0
+    n_flood, n_drawn, n_stops = n_core, 0, 0
     any_closed = False
     for k in range(n_core):
-        flood[n_flood] = core[k]
+        flood[k] = core[k]
         seen[core[k]] = epoch
-        n_flood += 1
     head, looked, n_sure = 0, 0, -1
     while True:
-        # as flood_from, as far as safe edges lead
-        while head < n_flood:
-            t = flood[head]
-            head += 1
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            ahead = look_at(q, known, rows, is_ahead, a, face, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, b, face, half, farthest)
-            ahead &= look_at(q, known, rows, is_ahead, c, face, half, farthest)
-            if head > n_core and (
-                not ahead
-                or (
-                    min(rows[a, 4], rows[b, 4], rows[c, 4]) - slack <= u1
-                    and max(rows[a, 4], rows[b, 4], rows[c, 4]) + slack >= u0
-                    and min(rows[a, 5], rows[b, 5], rows[c, 5]) - slack <= v1
-                    and max(rows[a, 5], rows[b, 5], rows[c, 5]) + slack >= v0
-                )
-            ):
-                drawn[n_drawn] = t
-                n_drawn += 1
-            for i in range(3):
-                a, b = triangles[t, i], triangles[t, (i + 1) % 3]
-                if ahead:
-                    touches = hull_touches(rows, a, b, u0, u1, v0, v1)
-                else:
-                    touches = _touches(q, a, b, face, resolution, farthest, u0, u1, v0, v1, sweep)
-                if not touches:
-                    continue
-                other = find_partner(side, usable, triangles, triangle_edges, edge_start, edge_uses, t, i, epoch, seen)
-                if other >= 0 and seen[other] == epoch:
-                    continue
-                if other >= 0 and n_flood < flood.shape[0]:
-                    flood[n_flood] = other
-                    seen[other] = epoch
-                    n_flood += 1
-                    continue
-                stops[n_stops, 0] = t
-                stops[n_stops, 1] = i if other < 0 else i + 3  # where only room is missing nothing is closed
-                n_stops += 1
+        if head < n_flood:
+            end, n_drawn, n_stops = spread(
+                mesh, images, face, mark, resolution, farthest, 0.0, window, epoch, seen, flood, n_core, head, n_flood,
+                drawn, n_drawn, stops, n_stops, sweep,
+            )  # fmt: skip
+            head = n_flood = end
         if n_sure < 0:
             n_sure = n_drawn
             for k in range(n_core_strips // 2):
@@ -246,14 +207,14 @@ def flood_sealed(
         for k in range(start[e], start[e + 1]):
             other = near[k]
             if (
-                not usable[other]
+                not may_occlude(mesh, other)
                 or (seen[other] != epoch and n_flood == flood.shape[0])
                 or not _closes(q, triangles, seals, k, low, high, mine, sealing.point)
             ):
                 continue
             _put(q, free, low, high, closed[k, 0])
             _put(q, free + 1, low, high, closed[k, 1])
-            if _touches(q, free, free + 1, face, resolution, farthest, u0, u1, v0, v1, sweep):
+            if edge_touches(q, free, free + 1, face, resolution, farthest, u0, u1, v0, v1, sweep):
                 any_closed = True
                 if seen[other] != epoch:
                     flood[n_flood] = other
@@ -383,10 +344,10 @@ def _edges_and_strips(
         y0, y1, c0, c1 = taken, taken + 1, taken + 2, taken + 3
         _put_strip(q, triangles, seals, gap[k], low, high, mine, taken, strips, n_strips, point)
         if (
-            _touches(q, y0, y1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, c0, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, y0, c0, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or _touches(q, y1, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            edge_touches(q, y0, y1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, c0, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, y0, c0, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            or edge_touches(q, y1, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
         ):
             taken += 4
             n_strips += 2
@@ -430,14 +391,13 @@ def _add_unsafe(
     sweep: np.ndarray,
 ) -> int:
     """Add the edge between two rows of q where it touches the window; returns how many there are, -1: see above."""
-    if not _touches(q, first, last, face, resolution, farthest, u0, u1, v0, v1, sweep):
+    if not edge_touches(q, first, last, face, resolution, farthest, u0, u1, v0, v1, sweep):
         return n_unsafe
     if n_unsafe == unsafe.shape[0]:
         return -1
     unsafe[n_unsafe, 0], unsafe[n_unsafe, 1] = first, last
-    for k in range(2 * inflate_edge(q, first, last, face, resolution, least_depth, sweep)):
-        if sweep[k, 0] <= u0 and sweep[k, 1] >= u1 and sweep[k, 2] <= v0 and sweep[k, 3] >= v1:
-            return -1
+    if spoils_all(q, first, last, face, resolution, least_depth, u0, u1, v0, v1, sweep):
+        return -1
     return n_unsafe + 1
 
 
@@ -446,27 +406,6 @@ def _put(q: np.ndarray, row: int, a: int, b: int, place: float) -> None:
     """Write the point at `place` between vertices a and b to a row of q."""
     for k in range(3):
         q[row, k] = q[a, k] + place * (q[b, k] - q[a, k])
-
-
-@kernel()
-def _touches(
-    q: np.ndarray,
-    a: int,
-    b: int,
-    face: int,
-    resolution: int,
-    farthest: float,
-    u0: float,
-    u1: float,
-    v0: float,
-    v1: float,
-    sweep: np.ndarray,
-) -> bool:
-    """Whether an edge's image, inflated for all depths, touches a rectangle."""
-    touches = False
-    for k in range(inflate_edge(q, a, b, face, resolution, farthest, sweep)):
-        touches |= hull_touches(sweep, 2 * k, 2 * k + 1, u0, u1, v0, v1)
-    return touches
 
 
 @kernel()

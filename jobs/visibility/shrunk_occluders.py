@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.layers import clear_layers
+from jobs.visibility.mesh import TURNED, Mesh, look_at_all
 from jobs.visibility.planar_polygons import convex_polygons
 from jobs.visibility.projection_point import projection_point
 from jobs.visibility.shrunk_depths import draw_shrunk, find_occluders, hide, move_to
@@ -37,35 +38,20 @@ class ShrunkOccluders:
         self._moved = np.empty((len(soup.vertices), 3), np.float64)
         self._layers = np.empty((6, resolution, resolution, 1, 2), np.float32)
 
-    def find_visible(
-        self,
-        q: np.ndarray,
-        side: np.ndarray,
-        usable: np.ndarray,
-        places: np.ndarray,
-        cluster_lo: np.ndarray,
-        cluster_hi: np.ndarray,
-    ) -> np.ndarray:
-        """Which drawables may be seen from a cell.
-
-        Args:
-            q: (n, 3) float64 the soup's vertices in cell coordinates.
-            side: (m,) int8 from `occluders.find_sides`; usable: (m,) bool triangles that may occlude.
-            places: (d,) int64 the drawables in question, as positions in the soup.
-            cluster_lo, cluster_hi: (k, 3) float64 boxes of the soup's clusters in cell coordinates.
-
-        Returns:
-            (d,) bool.
-        """
+    def find_visible(self, mesh: Mesh, places: np.ndarray) -> np.ndarray:
+        """Which drawables (d,) of a cell's cut, positions in the soup, may be seen from it: (d,) bool."""
+        look_at_all(mesh)
+        q, side = mesh.q, mesh.side
         soup = self._soup
         occluders, faces, heights, sides = find_occluders(
-            q, self._corners, self._counts, np.flatnonzero(usable[self._first])
+            q, self._corners, self._counts, np.flatnonzero(np.abs(side[self._first]) == 1)
         )
         # backs of one-sided drawables are not seen
-        hidden = soup.one_sided[soup.triangle_drawable] & (side < 0)
+        hidden = side == TURNED
         asked = np.zeros(len(soup.drawables), np.bool_)
         asked[places] = True
         clusters = np.flatnonzero(asked[soup.cluster_drawable])
+        cluster_lo, cluster_hi = ((box - mesh.centre) / mesh.half for box in (soup.cluster_lo, soup.cluster_hi))
         middle = np.zeros((len(occluders), 3))
         for corner in range(self._corners.shape[1]):
             has = self._counts[occluders] > corner

@@ -24,7 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.aimed_rays import INSET, LEAST_WEIGHT, facing
-from jobs.visibility.closing_sets import OPEN_EDGES, Facets, Work, side_in, stays_open
+from jobs.visibility.closing_sets import OPEN_EDGES, Work, side_in, stays_open
+from jobs.visibility.clusters import Clusters, place_cluster
+from jobs.visibility.mesh import TURNED, Mesh, look
 from jobs.visibility.occludees import box_hidden, may_touch, triangle_hidden
 from jobs.visibility.planes import side_of
 from jobs.visibility.ray_tree import APART, SAME, SURELY, Scene, inverse, meets, next_bundle, passes_beside
@@ -77,7 +79,7 @@ def make_parts() -> Parts:
 
 @kernel()
 def _look(
-    scene: Scene, facets: Facets, work: Work, shaft: Shaft, count: int, small: Shaft,
+    scene: Scene, mesh: Mesh, work: Work, shaft: Shaft, count: int, small: Shaft,
     drawable: int, t: int, weight: float, whole: bool, hint: int,
 ) -> tuple[int, int, float]:  # fmt: skip
     """What becomes of a shaft that is filled in.
@@ -105,9 +107,9 @@ def _look(
     if (
         hint >= 0
         and abs(meets(scene.vertices, scene.triangles, hint, o, d, reach)) == SURELY
-        and side_in(scene, facets, hint, whole, shaft, shaft, False) != 0
+        and side_in(scene, mesh, hint, whole, shaft, shaft, False) != 0
     ):
-        where = stays_open(scene, facets, work, shaft, count, small, hint, whole)
+        where = stays_open(scene, mesh, work, shaft, count, small, hint, whole)
         if where < 0.0:
             return CLOSED, hint, 0.0
     inverse(d, work.inverse[0])
@@ -130,9 +132,9 @@ def _look(
             if (
                 abs(met) == SURELY
                 and work.seen[0, other] <= begin
-                and side_in(scene, facets, other, whole, shaft, shaft, False) != 0
+                and side_in(scene, mesh, other, whole, shaft, shaft, False) != 0
             ):
-                place = stays_open(scene, facets, work, shaft, count, small, other, whole)
+                place = stays_open(scene, mesh, work, shaft, count, small, other, whole)
                 if place < 0.0:
                     return CLOSED, other, 0.0
                 if where < 0.0:
@@ -294,10 +296,9 @@ def _worth(turns: Turns, k: int, triangles: int) -> float:
 
 @allocating_kernel()
 def decide(
-    scene: Scene, facets: Facets, work: Work, parts: Parts, chosen: np.ndarray,
-    first_cluster: np.ndarray, cluster_start: np.ndarray, lo: np.ndarray, hi: np.ndarray, q: np.ndarray,
-    q_lo: np.ndarray, q_hi: np.ndarray, layers: np.ndarray, most: int, least_worth: float, hidden: np.ndarray,
-    proven: np.ndarray,
+    scene: Scene, mesh: Mesh, work: Work, parts: Parts, chosen: np.ndarray,
+    first_cluster: np.ndarray, clusters: Clusters, lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, most: int,
+    least_worth: float, hidden: np.ndarray, proven: np.ndarray,
 ) -> int:  # fmt: skip
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
@@ -306,9 +307,7 @@ def decide(
         work: see `closing_sets.make_work`; parts: see `make_parts`.
         chosen: (c,) int64 drawables to decide.
         first_cluster: (drawables + 1,) int32 offsets into the clusters.
-        cluster_start: (k + 1,) int32 offsets of the clusters into the triangles.
         lo, hi: (3,) float64 the cell, grid units.
-        q: (n, 3) float64 vertices, q_lo, q_hi: (k, 3) float64 the clusters' boxes, in cell coordinates.
         layers: see `occludees`: parts that these hide are not looked at again.
         most: shafts in all; least_worth: triangles to save for each shaft, or a drawable is given up.
         hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
@@ -317,7 +316,7 @@ def decide(
         The shafts that were looked at.
     """
     shaft, small = make_shaft(), make_shaft()
-    polygon = np.empty((4, 2), np.float64)
+    polygon, placed = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
     n = len(chosen)
     turns = Turns(
         np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n)
@@ -325,7 +324,7 @@ def decide(
     counts = np.zeros(n, np.int64)
     total = 0
     for k in range(n):
-        counts[k] = cluster_start[first_cluster[chosen[k] + 1]] - cluster_start[first_cluster[chosen[k]]]
+        counts[k] = clusters.start[first_cluster[chosen[k] + 1]] - clusters.start[first_cluster[chosen[k]]]
         total += counts[k]
     order = np.empty(total, np.int32)
     for at in range(POOL):
@@ -336,16 +335,18 @@ def decide(
         begin = taken
         touches = False
         for c in range(first_cluster[drawable], first_cluster[drawable + 1]):
-            if box_hidden(q_lo[c], q_hi[c], layers, False):
+            place_cluster(clusters, c, mesh.centre, mesh.half, placed)
+            if box_hidden(placed[0], placed[1], layers, False):
                 continue
-            for t in range(cluster_start[c], cluster_start[c + 1]):
-                if scene.one_sided[drawable] and facets.side[t] < 0:
+            for t in range(clusters.start[c], clusters.start[c + 1]):
+                side = look(mesh, t)
+                if side == TURNED:
                     continue
                 a, b, corner = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
-                if facets.side[t] == 0 and may_touch(q, a, b, corner):
+                if side == 0 and may_touch(mesh.q, a, b, corner):
                     touches = True
                     break
-                if not triangle_hidden(q, a, b, corner, layers, polygon):
+                if not triangle_hidden(mesh.q, a, b, corner, layers, polygon):
                     order[taken] = t
                     taken += 1
             if touches:
@@ -379,13 +380,15 @@ def decide(
             at = turns.head[k]
             t = order[(parts.first[at] + parts.last[at]) // 2]
             count, weight = _place(scene, order, parts, at, turns.looked[k] & 7, shaft)
-            if count == 3 and scene.one_sided[drawable] and (
-                side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0
+            if (
+                count == 3
+                and scene.one_sided[drawable]
+                and (side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0)
             ):
                 found, where = CLOSED, 0.0
             else:
                 found, hint, where = _look(
-                    scene, facets, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
+                    scene, mesh, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
                 )
             shafts += 1
             turns.looked[k] += 1

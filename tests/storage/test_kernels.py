@@ -29,6 +29,10 @@ print(answer(1), sum(answer.stats.cache_hits.values()))
 
 def answer_and_hits(folder: Path, step: int, more: int) -> str:
     (folder / "base.py").write_text(BASE.format(step=step, more=more))
+    return run_user(folder)
+
+
+def run_user(folder: Path) -> str:
     run = subprocess.run(
         [sys.executable, folder / "user.py"],
         check=True,
@@ -47,3 +51,29 @@ def test_compiled_code_follows_changes_of_what_it_imports(tmp_path: Path) -> Non
     assert answer_and_hits(tmp_path, step=5, more=2) == "15 0"
     assert answer_and_hits(tmp_path, step=5, more=4) == "25 0"
     assert answer_and_hits(tmp_path, step=5, more=4) == "25 1"
+
+
+WITH_CLASS = """
+from typing import NamedTuple
+
+class {name}(NamedTuple):
+    x: int
+"""
+TAKES_CLASS = """
+import kinds
+from storage.kernels import kernel
+
+@kernel()
+def answer(thing):
+    return thing.x + 1
+
+print(answer(kinds.{name}(2)), sum(answer.stats.cache_hits.values()))
+"""
+
+
+def test_compiled_code_that_takes_a_class_that_is_gone_is_made_anew(tmp_path: Path) -> None:
+    for name in ("Old", "New"):
+        (tmp_path / "kinds.py").write_text(WITH_CLASS.format(name=name))
+        (tmp_path / "user.py").write_text(TAKES_CLASS.format(name=name))
+        assert run_user(tmp_path) == "3 0"
+        assert run_user(tmp_path) == "3 1"

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.closing_sets import MOST_EPOCHS
+from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.shafts import edge_meets, part_within
 
 from .scenes import Mesh, rooms, sheet, soup_of

@@ -8,6 +8,7 @@ meet along an edge.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from embreex import rtcore_scene
@@ -122,6 +123,11 @@ class Oracle:
                     break
         return nearest, distance
 
+    @cached_property
+    def _boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The triangles' boxes: their lowest and their highest corners (m, 3) float32."""
+        return self._triangles.min(axis=1), self._triangles.max(axis=1)
+
     def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int, *, alone: bool = True) -> float:
         """Whether a ray meets a triangle before all others, in double precision.
 
@@ -139,12 +145,11 @@ class Oracle:
             return float("nan")
         reach = o + d * t[0]
         low, high = np.minimum(o, reach), np.maximum(o, reach)
-        corners = self._triangles
+        lowest, highest = self._boxes
         near = np.flatnonzero(
-            ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)
-            & (self._owner != self._owner[triangle])
+            ((lowest <= high) & (highest >= low)).all(axis=1) & (self._owner != self._owner[triangle])
         )
-        blockers = corners[near].astype(np.float64)
+        blockers = self._triangles[near].astype(np.float64)
         at, met = _intersect(blockers, o, d, -1e-9)
         normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
         counts = ~(self._one_sided[near] & ((normal * d).sum(axis=1) > 0))
@@ -265,8 +270,7 @@ def examine(
             triangle = starts[chosen] + (rng.random(number) * (ends[chosen] - starts[chosen])).astype(np.int64)
             weights = rng.dirichlet((1.0, 1.0, 1.0), number)
             targets = (triangles[triangle].astype(np.float64) * weights[:, :, None]).sum(axis=1)
-            origins = surface_points(lo, hi, number, rng)
-            rng.shuffle(origins)
+            origins = surface_points(lo, hi, number, rng)[rng.permutation(number)]
             shoot(origins, (targets - origins).astype(np.float32))
 
     missed: list[Sight] = []

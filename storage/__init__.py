@@ -13,7 +13,7 @@ Read in this order:
                 mesh_order    the order that meshes compress well in
                 connectivity  triangles as a byte each, and what they foretell of positions
                 wedges        vertices that share a position
-                normals       unit vectors as two small integers
+                normals       of triangles; unit vectors as two small integers
                 planes        arrays as byte planes
     facets      triangles by direction, and what a cell can only see from behind
     deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell

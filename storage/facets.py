@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from storage.kernels import allocating_kernel, kernel
+from storage.normals import area_normal
 
 #: What one more facet must save on average, in triangles: it often costs a draw command. Cells count triangles by it,
 #: so whoever changes it changes the format's number as well.
@@ -52,14 +53,7 @@ def _normal(points: NDArray[np.int32], triangles: NDArray[np.uint32], t: int) ->
 
     Differences of coordinates are below 2^25, their products' differences below 2^51: exact.
     """
-    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    ux = np.float64(points[b, 0]) - np.float64(points[a, 0])
-    uy = np.float64(points[b, 1]) - np.float64(points[a, 1])
-    uz = np.float64(points[b, 2]) - np.float64(points[a, 2])
-    vx = np.float64(points[c, 0]) - np.float64(points[a, 0])
-    vy = np.float64(points[c, 1]) - np.float64(points[a, 1])
-    vz = np.float64(points[c, 2]) - np.float64(points[a, 2])
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    x, y, z = area_normal(points, triangles, t)
     area = np.sqrt((x * x + y * y) + z * z)
     if area == 0.0:
         return 0.0, 0.0, 0.0, 0.0

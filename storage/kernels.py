@@ -49,7 +49,7 @@ class _Index(caching.IndexDataCacheFile):
 
     def _load_index(self) -> dict[Any, str]:
         try:
-            index: dict[Any, str] = super()._load_index()
+            index: dict[Any, str] = super()._load_index()  # type: ignore[no-untyped-call]
         except (AttributeError, ImportError):  # it names classes that other code had
             return {}
         return index

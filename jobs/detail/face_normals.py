@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from storage.kernels import allocating_kernel
+from storage.normals import area_normal
 
 
 @allocating_kernel()
@@ -24,14 +25,7 @@ def face_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray,
     normals = np.zeros((len(triangles), 3))
     areas = np.zeros(len(triangles))
     for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux = np.float64(points[b, 0]) - points[a, 0]
-        uy = np.float64(points[b, 1]) - points[a, 1]
-        uz = np.float64(points[b, 2]) - points[a, 2]
-        vx = np.float64(points[c, 0]) - points[a, 0]
-        vy = np.float64(points[c, 1]) - points[a, 1]
-        vz = np.float64(points[c, 2]) - points[a, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        x, y, z = area_normal(points, triangles, t)
         length = np.sqrt(x * x + y * y + z * z)
         areas[t] = length
         if length > 0.0:

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.visibility.ranges import below
 from storage.kernels import kernel
 
 #: Edges nearer than this depth (cell coordinates) are inflated by the whole cell, as one box.
@@ -32,8 +33,6 @@ NEAR = 1.25
 CLIP = 0.5
 #: Image coordinates are rounded outward by this many pixels: far above float64's error, far below a pixel.
 SLACK = 1e-6
-#: Places along an edge or a sweep, from 0 to 1, are rounded outward by this much.
-ALONG = 1e-12
 #: Stands for "beyond the image" in pixels.
 BEYOND = 1e12
 
@@ -297,19 +296,6 @@ def far_part(q: np.ndarray, i0: int, i1: int, face: int) -> tuple[bool, float, f
     if za < NEAR < zb:
         ua, va, za = at_depth(ua, va, za, ub, vb, zb, NEAR)
     return zb > NEAR or za >= NEAR, ua, va, za, ub, vb, zb
-
-
-@kernel(inline="always")
-def below(t0: float, t1: float, a: float, b: float, bound: float) -> tuple[float, float]:
-    """The part of [t0, t1] where a + t (b - a) <= bound, rounded outward; empty where t0 is above t1."""
-    slope = b - a
-    if slope > 0.0:
-        t1 = min(t1, (bound - a) / slope + ALONG)
-    elif slope < 0.0:
-        t0 = max(t0, (bound - a) / slope - ALONG)
-    elif a > bound:
-        t1 = t0 - 1.0
-    return t0, t1
 
 
 @kernel(inline="always")

@@ -281,7 +281,7 @@ class Engine:
     def _prove(
         self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, standing: ray_tree.Scene, glimpses: _Glimpses
     ) -> np.ndarray:
-        """Which of the drawables (k,) that may be seen surely are, as positions in the soup; `standing` may hide them."""
+        """Which of the drawables (k,) that may be seen surely are, as positions in the soup; `standing` may hide."""
         soup = self.soup
         proven = np.zeros(len(soup.drawables), np.bool_)
         if not self.settings.proof_resolution:

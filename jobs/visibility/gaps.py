@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.visibility.ranges import not_below
 from jobs.visibility.ray_tree import STACK, build_tree
 from storage.kernels import allocating_kernel, kernel
 
@@ -203,8 +204,8 @@ def near_part(vertices: np.ndarray, v0: int, v1: int, v2: int, a: int, b: int, d
     rise, along = nx * ax + ny * ay + nz * az, nx * ux + ny * uy + nz * uz
     if min(rise, rise + along) > distance or max(rise, rise + along) < -distance:
         return least, most
-    first, last = _above(0.0, 1.0, rise + distance, along)
-    first, last = _above(first, last, distance - rise, -along)
+    first, last = not_below(0.0, 1.0, rise + distance, along)
+    first, last = not_below(first, last, distance - rise, -along)
     for i in range(3):
         if i == 0:
             v, w = v0, v1
@@ -216,7 +217,7 @@ def near_part(vertices: np.ndarray, v0: int, v1: int, v2: int, a: int, b: int, d
         ax, ay, az = _minus(vertices, a, v)
         # towards the inside of the triangle
         ix, iy, iz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-        first, last = _above(first, last, ix * ax + iy * ay + iz * az, ix * ux + iy * uy + iz * uz)
+        first, last = not_below(first, last, ix * ax + iy * ay + iz * az, ix * ux + iy * uy + iz * uz)
         # the ball around v
         s0, s1 = _inside(ax, ay, az, ux, uy, uz, distance)
         if s0 <= s1:
@@ -228,25 +229,13 @@ def near_part(vertices: np.ndarray, v0: int, v1: int, v2: int, a: int, b: int, d
         s0, s1 = _inside(
             ax - at * ex, ay - at * ey, az - at * ez, ux - go * ex, uy - go * ey, uz - go * ez, distance
         )  # fmt: skip
-        s0, s1 = _above(s0, s1, at, go)
-        s0, s1 = _above(s0, s1, e - at, -go)
+        s0, s1 = not_below(s0, s1, at, go)
+        s0, s1 = not_below(s0, s1, e - at, -go)
         if s0 <= s1:
             least, most = min(least, s0), max(most, s1)
     if first <= last:
         least, most = min(least, first), max(most, last)
     return least, most
-
-
-@kernel(inline="always")
-def _above(s0: float, s1: float, value: float, slope: float) -> tuple[float, float]:
-    """The part of [s0, s1] where value + s slope >= 0."""
-    if slope > 0:
-        s0 = max(s0, -value / slope)
-    elif slope < 0:
-        s1 = min(s1, -value / slope)
-    elif value < 0:
-        s1 = s0 - 1.0
-    return s0, s1
 
 
 @kernel(inline="always")

@@ -1,6 +1,7 @@
 """Planes of triangles, and on which side of them things lie.
 
-Corners are integers of at most 24 bits, so that differences of corners and the normals made of them are exact in float64.
+Corners are integers of at most 24 bits, so that differences of corners and the normals made of them are exact in
+float64.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jobs.visibility.planes import plane_of
 from storage.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units, far more than slabs are rounded by.
@@ -46,9 +47,7 @@ class Scene(NamedTuple):
     bundle_start: np.ndarray  # (b + 1,) int32 offsets into the triangles
     triangle_drawable: np.ndarray  # (m,) int32
     one_sided: np.ndarray  # (drawables,) bool: their backs let rays pass
-    corners: (
-        np.ndarray
-    )  # (b, 9, BUNDLE) float32 coordinates of each bundle's triangles side by side: a last one's again
+    corners: np.ndarray  # (b, 9, BUNDLE) float32 each bundle's triangles side by side, the last one repeated
 
 
 class Ancestry(NamedTuple):
@@ -344,9 +343,7 @@ def meets(vertices: np.ndarray, triangles: np.ndarray, t: int, o: np.ndarray, d:
     below = va < -ma or vb < -mb or vc < -mc
     if above and below:
         return APART
-    ux, uy, uz = x1 - x0, y1 - y0, z1 - z0
-    wx, wy, wz = x2 - x0, y2 - y0, z2 - z0
-    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+    _, _, _, nx, ny, nz = plane_of(vertices, triangles, t)
     to_plane = nx * ax + ny * ay + nz * az
     along = nx * d[0] + ny * d[1] + nz * d[2]
     slack = 3.0 * MARGIN * max(abs(nx), abs(ny), abs(nz)) * (na + reach)

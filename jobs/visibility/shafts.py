@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.planes import plane_of
+from jobs.visibility.ranges import not_above
 from storage.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units: a million times what rounding moves a point by.
@@ -83,8 +84,8 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
     for i in range(3):
         di = float(bx[i]) - ax[i]
         if di == 0.0:
-            first, last = _not_above(first, last, low[0, i] - ax[i], low[1, i])
-            first, last = _not_above(first, last, ax[i] - high[0, i], -high[1, i])
+            first, last = not_above(first, last, low[0, i] - ax[i], low[1, i])
+            first, last = not_above(first, last, ax[i] - high[0, i], -high[1, i])
             continue
         # t is at least p + q a for this axis
         if di > 0.0:
@@ -93,8 +94,8 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
         else:
             p, q = (high[0, i] - ax[i]) / di, high[1, i] / di
             r, s = (low[0, i] - ax[i]) / di, low[1, i] / di
-        first, last = _not_above(first, last, p - 1.0, q)
-        first, last = _not_above(first, last, -r, -s)
+        first, last = not_above(first, last, p - 1.0, q)
+        first, last = not_above(first, last, -r, -s)
         if first > last:
             return 1.0, 0.0
         for j in range(3):
@@ -106,19 +107,7 @@ def edge_meets(ax: np.ndarray, bx: np.ndarray, low: np.ndarray, high: np.ndarray
                 r, s = (high[0, j] - ax[j]) / dj, high[1, j] / dj
             else:
                 r, s = (low[0, j] - ax[j]) / dj, low[1, j] / dj
-            first, last = _not_above(first, last, p - r, q - s)
-    return first, last
-
-
-@kernel(inline="always")
-def _not_above(first: float, last: float, value: float, slope: float) -> tuple[float, float]:
-    """The part of [first, last] where value + a slope <= 0; empty where the first result is above the second."""
-    if slope > 0.0:
-        last = min(last, -value / slope)
-    elif slope < 0.0:
-        first = max(first, -value / slope)
-    elif value > 0.0:
-        last = first - 1.0
+            first, last = not_above(first, last, p - r, q - s)
     return first, last
 
 

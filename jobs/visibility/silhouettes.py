@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.cube_faces import SLACK, at_depth, below, far_part, inflate_edge, sweep_extent
+from jobs.visibility.cube_faces import SLACK, at_depth, far_part, inflate_edge, sweep_extent
+from jobs.visibility.ranges import below
 from storage.kernels import kernel
 
 #: What a pixel hides is of no use where its limit is not at least this many times its depth.

@@ -1,20 +1,20 @@
 """What images leave undecided: shafts between parts of the cell and parts of a drawable, split until they are decided.
 
 Either a ray through a shaft proves that the drawable is seen, or a set of triangles closes the shaft (`closing_sets`),
-or the part of the cell or of the drawable is cut in two and both halves are looked at. A drawable of which all shafts are
-closed is hidden from the whole cell. Here neither a pixel's width nor the depths within it blur what is hidden, and parts
-of the cell may be hidden from by different occluders.
+or the part of the cell or of the drawable is cut in two and both halves are looked at. A drawable of which all shafts
+are closed is hidden from the whole cell. Here neither a pixel's width nor the depths within it blur what is hidden, and
+parts of the cell may be hidden from by different occluders.
 
 A part of a drawable is a box around some of its triangles at first, and once only one is left, a part of that triangle.
 So what a wall hides altogether takes one shaft, however many triangles it has.
 
-**Whose turn it is.** Time goes to the drawable whose triangles, divided by the shafts that it will still take, are most.
-The second is foretold: where a part f of the shafts looked at last stayed open, each of which leaves two in its place,
-n shafts that wait take n / (1 - 2 f) in all. Drawables that look as if they would take too many are given up: what ends
-in a silhouette halves for ever.
+**Whose turn it is.** Time goes to the drawable whose triangles, divided by the shafts that it will still take, are
+most. The second is foretold: where a part f of the shafts looked at last stayed open, each of which leaves two in its
+place, n shafts that wait take n / (1 - 2 f) in all. Drawables that look as if they would take too many are given up:
+what ends in a silhouette halves for ever.
 
-Based on: subdivision of the cell and of what is looked at until decided, as in hierarchical radiosity, P. Hanrahan,
-D. Salzman, L. Aupperle: A Rapid Hierarchical Radiosity Algorithm, SIGGRAPH 1991.
+Based on: subdivision of the cell and of what is looked at until decided, as in hierarchical radiosity, P. Hanrahan, D.
+Salzman, L. Aupperle: A Rapid Hierarchical Radiosity Algorithm, SIGGRAPH 1991.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Whether the certificate of a cell is honest: an exhaustive oracle against what is reported and what is proven.
 
-    python tests/benchmarks/check_certificate.py MODEL[@METRES] ... [--cells 50] [--size 0.5] [--rays 10000000]
+    python tests/benchmarks/check_certificate.py MODEL[@METRES] ... [--cells 50] [--rays 10000000] [--json OUT.json]
 
 MODELs and cells are those of `measure_visibility`. From each cell's surface go --rays rays as `vlod verify` casts them,
 in portions: a third in uniform directions, the rest at drawables that the portion has not seen yet. Then
@@ -10,7 +10,7 @@ in portions: a third in uniform directions, the rest at drawables that the porti
   as many rays again go in uniform directions from the cell's corners; then, where none of them met it, rays from the
   corners and from anywhere on the cell's surface are aimed at it alone (`unconfirmed` where none of these does either).
 
-Ends with 1 if any was missed or is left unconfirmed.
+Prints a line for each cell and a summary of each model. Ends with 1 if any was missed or is left unconfirmed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -43,7 +44,7 @@ class Checked:
     reported: int  # drawables
     proven: int
     seen: int
-    missed: int  # seen in double precision, but not reported
+    missed: list[int]  # seen in double precision, but not reported
     unconfirmed: list[int]  # proven visible, but not seen in double precision
     seconds: float
 
@@ -73,7 +74,7 @@ def check(case: Case, engine: Engine, number: int, lo: np.ndarray, hi: np.ndarra
         if _is_seen(case, lo, hi, drawable, rng):
             left.remove(drawable)
     return Checked(
-        case.name, number, cast, len(found.visible), len(found.proven), len(seen), len(missed), sorted(left),
+        case.name, number, cast, len(found.visible), len(found.proven), len(seen), sorted(missed), sorted(left),
         round(time.perf_counter() - began, 1),
     )  # fmt: skip
 
@@ -106,8 +107,25 @@ def _confirmed(case: Case, origins: np.ndarray, directions: np.ndarray, wanted: 
     return confirmed
 
 
+def say(name: str, cells: list[Checked]) -> None:
+    """Print what was found of some cells, all together."""
+    print(
+        f"{name}: {sum(row.rays for row in cells):,} rays, {sum(row.reported for row in cells):,} reported, "
+        f"{sum(row.proven for row in cells):,} proven, {sum(row.seen for row in cells):,} seen, "
+        f"missed {_all(row.missed for row in cells)}, unconfirmed {_all(row.unconfirmed for row in cells)}, "
+        f"{sum(row.seconds for row in cells):,.1f} s",
+        flush=True,
+    )
+
+
+def _all(found: Iterable[list[int]]) -> str:
+    """How many drawables, and which."""
+    drawables = [drawable for row in found for drawable in row]
+    return f"{len(drawables)} {drawables}" if drawables else "0"
+
+
 def main() -> None:
-    """Check and print a line for each cell."""
+    """Check and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="+")
     parser.add_argument("--cells", type=int, default=50)
@@ -121,21 +139,15 @@ def main() -> None:
         case = Case(name, arguments.work)
         engine = Engine(case.soup, EngineSettings())
         half = 0.5 * arguments.size / case.unit
+        cells = []
         for number, eye in enumerate(case.persons(arguments.cells)):
-            row = check(case, engine, number, eye - half, eye + half, arguments.rays)
-            checked.append(row)
-            print(
-                f"{row.model}, cell {row.cell}: {row.rays:,} rays, {row.reported} reported, {row.proven} proven, "
-                f"{row.seen} seen, {row.missed} missed, unconfirmed {row.unconfirmed}, {row.seconds} s",
-                flush=True,
-            )
-    missed, unconfirmed = sum(row.missed for row in checked), sum(len(row.unconfirmed) for row in checked)
-    print(
-        f"{len(checked)} cells, {sum(row.rays for row in checked):,} rays: {missed} missed, {unconfirmed} unconfirmed"
-    )
+            cells.append(check(case, engine, number, eye - half, eye + half, arguments.rays))
+            say(f"  cell {number}", cells[-1:])
+        say(f"{case.name}, {len(cells)} cells", cells)
+        checked += cells
     if arguments.json is not None:
         arguments.json.write_text(json.dumps([asdict(row) for row in checked], indent=1))
-    raise SystemExit(1 if missed or unconfirmed else 0)
+    raise SystemExit(1 if any(row.missed or row.unconfirmed for row in checked) else 0)
 
 
 if __name__ == "__main__":

@@ -113,14 +113,18 @@ def main() -> None:
         if row is not None:
             rows[name] = row
             arguments.out.write_text(json.dumps(rows, indent=1))
-    print("model, triangles | cells | missed | rays | tightness: triangles, drawables | cut, vLOD of a cell | build s")
+    print(
+        "| model | triangles | cells checked | seen but missing | reported / seen: triangles, drawables "
+        "| triangles a cell: cut, vLOD | core-seconds a cell |\n|---|---|---|---|---|---|---|"
+    )
     for row in rows.values():
         checked = row["verify"]
         tight = checked["tightness"]
+        visibility = sum(stage["core_seconds"] for stage in row["build"]["stages"] if stage["name"] == "cells")
         print(
-            f"{row['name']}, {row['triangles']:,} | {checked['sampled_cells']} of {row['cells']} | "
-            f"{checked['missed']} | {checked['rays']:,} | {tight['triangles']:.2f}, {tight['drawables']:.2f} | "
-            f"{row['mean_cut']:,.0f}, {row['mean_reported']:,.0f} | {row['build_seconds']}"
+            f"| {row['name']} | {row['triangles']:,} | {checked['sampled_cells']} of {row['cells']} | "
+            f"{checked['missed']} | {tight['triangles']:.2f}, {tight['drawables']:.2f} | "
+            f"{row['mean_cut']:,.0f}, {row['mean_reported']:,.0f} | {visibility / row['cells']:.2f} |"
         )
 
 

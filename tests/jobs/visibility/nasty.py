@@ -69,7 +69,7 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         resolution=int(rng.choice([16, 128, 256, 256, 256, 512] if kind == "screens" else [16, 64, 64, 256])),
         proof_resolution=32, smallest_window=int(rng.choice([1, 16, NO_IMAGES])), layers=int(rng.choice([1, 2, 4])),
         largest_flooded_set=int(rng.choice([4, 64, 2048])),
-        shafts=int(rng.choice([0, 20_000, 20_000])), most_shafts=int(rng.choice([10, 100, 1000])),
+        shafts=int(rng.choice([0, 20_000, 20_000])), least_worth=float(rng.choice([1.0, 0.1, 0.001])),
     )  # fmt: skip
     return Attack(
         meshes + peeping, lo, hi, bool(rng.random() < 0.4), int(rng.choice([1, 3, 32])), settings, len(meshes), eyes

@@ -25,10 +25,9 @@ def scene_of(soup: Soup) -> ray_tree.Scene:
 
 def look(soup: Soup, scene: ray_tree.Scene, t: int, wa: float, wb: float, o: np.ndarray) -> int:
     """What the kernel says when all of the soup stands."""
-    standing = np.ones(len(soup.drawables), np.bool_)
     d, over, stack = np.empty(3), np.empty(3), np.empty(ray_tree.STACK, np.int32)
     drawable = int(soup.triangle_drawable[t])
-    return int(aimed_rays.look(scene, standing, t, drawable, wa, wb, o, d, over, stack, -1))
+    return int(aimed_rays.look(scene, t, drawable, wa, wb, o, d, over, stack, -1))
 
 
 def exactly_seen(soup: Soup, t: int, wa: float, wb: float, o: np.ndarray) -> bool:
@@ -142,6 +141,7 @@ def test_the_first_hit_is_the_nearest_of_all_triangles(seed: int) -> None:
     soup = soup_of(attack.meshes, attack.one_sided, attack.cluster_size)
     scene = scene_of(soup)
     standing = rng.random(len(soup.drawables)) < 0.8
+    pruned = ray_tree.prune(scene, ray_tree.ancestry_of(scene), np.flatnonzero(standing))
     corners = soup.vertices[soup.triangles].astype(np.float64)
     over, stack = np.empty(3), np.empty(ray_tree.STACK, np.int32)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -154,7 +154,7 @@ def test_the_first_hit_is_the_nearest_of_all_triangles(seed: int) -> None:
             at = (normal * a).sum(axis=1) / (normal @ d)
         met = ((volumes >= 0).all(axis=0) | (volumes <= 0).all(axis=0)) & (at > 0) & standing[soup.triangle_drawable]
         met &= ~(soup.one_sided[soup.triangle_drawable] & (normal @ d > 0))
-        t, nearest = ray_tree.find_first(scene, standing, o, d, over, stack)
+        t, nearest = ray_tree.find_first(pruned, o, d, over, stack)
         if met.any():
             assert nearest == pytest.approx(at[met].min(), rel=1e-9)
             assert at[t] == pytest.approx(nearest, rel=1e-9)
@@ -177,6 +177,51 @@ def test_the_tree_holds_every_box_once(boxes: int) -> None:
             for child in (node + 1, right[node]):
                 assert (box_of[node, 0] <= box_of[child, 0]).all()
                 assert (box_of[node, 1] >= box_of[child, 1]).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_pruned_tree_holds_what_stands_once_and_nothing_of_the_last_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    soup = soup_of(rooms(rng, 3))
+    scene = scene_of(soup)
+    ancestry = ray_tree.ancestry_of(scene)
+    owner = soup.triangle_drawable[scene.bundle_start[:-1]]
+    for part in (0.0, 0.02, 0.5, 1.0, 0.1):
+        standing = np.flatnonzero(rng.random(len(soup.drawables)) < part)
+        pruned = ray_tree.prune(scene, ancestry, standing)
+        assert sorted(pruned.bundle[pruned.bundle >= 0]) == np.flatnonzero(np.isin(owner, standing)).tolist()
+        for node in np.flatnonzero(pruned.bundle < 0):
+            below = pruned.box[[node + 1, pruned.right[node]]]
+            assert (pruned.box[node, 0] == below[:, 0].min(axis=0)).all()
+            assert (pruned.box[node, 1] == below[:, 1].max(axis=0)).all()
+        for node in np.flatnonzero(pruned.bundle >= 0):
+            assert (pruned.box[node] == scene.box[ancestry.leaf[pruned.bundle[node]]]).all()
+        assert not ancestry.kept.any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_ray_passes_beside_it_does_not_meet(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    attack = nasty_scene(rng)
+    soup = soup_of(attack.meshes, attack.one_sided, attack.cluster_size)
+    scene = scene_of(soup)
+    beside = met = 0
+    for _ in range(20):
+        o = rng.uniform(attack.lo, attack.hi)
+        target = soup.triangles[rng.integers(len(soup.triangles))]
+        weights = rng.dirichlet(np.ones(3)) * (rng.random(3) < 0.7)  # now and then along an edge, or at a corner
+        d = 2 * (weights @ soup.vertices[target] / max(weights.sum(), 1e-9) - o)  # it ends behind the triangle
+        reach = 2 * float(np.abs(soup.vertices[target] - o).max())
+        for c in range(min(len(scene.bundle_start) - 1, 100)):
+            mask = ray_tree.passes_beside(scene.corners, c, o, d, reach)
+            for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
+                meets = ray_tree.meets(soup.vertices, soup.triangles, t, o, d, reach) != ray_tree.APART
+                past = bool(mask >> (t - scene.bundle_start[c]) & 1)
+                assert not (past and meets)
+                beside += past
+                met += meets
+    assert beside > 0
+    assert met > 0
 
 
 def oracle_of(soup: Soup) -> tuple[Oracle, np.ndarray, np.ndarray]:

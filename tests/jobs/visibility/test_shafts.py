@@ -55,10 +55,11 @@ def test_an_edge_meets_a_shaft_where_a_linear_programme_says_so(
             assert first - 1e-6 <= nearest.x[0] <= last + 1e-6
 
 
-def looked(meshes: list[Mesh], shafts: int, **settings: int) -> CellVisibility:
+def looked(meshes: list[Mesh], shafts: int) -> CellVisibility:
     """What is seen from a cell of 100 units around the grid's middle."""
     soup = soup_of(meshes)
-    engine = Engine(soup, EngineSettings(resolution=16, proof_resolution=8, aimed_rays=0, shafts=shafts, **settings))
+    settings = EngineSettings(resolution=16, proof_resolution=8, aimed_rays=0, shafts=shafts, least_worth=0)
+    engine = Engine(soup, settings)
     found = engine.visible_from(np.full(3, -50.0), np.full(3, 50.0), soup.drawables)
     assert found is not None
     return found
@@ -78,7 +79,7 @@ def test_two_screens_hide_together_what_neither_hides_alone(
     thing = sheet((1000, -1, -1), (1000, 1, 1), 1)
     scene = [turned(mesh, shuffle) for mesh in (near, far, thing)]
     assert looked(scene, 0).visible.tolist() == [0, 1, 2]  # a pixel is wider than the thing
-    found = looked(scene, 10_000, most_shafts=2000)
+    found = looked(scene, 10_000)
     assert found.visible.tolist() == ([0, 1] if hidden else [0, 1, 2])
     assert found.proven.tolist() == found.visible.tolist()
 
@@ -93,7 +94,7 @@ def test_what_is_right_behind_a_slanting_wall_is_hidden(shuffle: tuple[int, int,
         np.array([[0, 1, 2]]),
     )
     scene = [turned(mesh, shuffle) for mesh in (wall, poster)]
-    found = looked(scene, 10_000, most_shafts=2000)
+    found = looked(scene, 10_000)
     assert found.visible.tolist() == ([0, 1] if seen else [0])
     assert found.proven.tolist() == found.visible.tolist()
 
@@ -103,7 +104,7 @@ def test_a_slit_of_one_grid_unit_is_looked_through(shuffle: tuple[int, int, int]
     left = sheet((400, -4000, -4000), (400, 0, 4000), 1)
     right = sheet((400, 1, -4000), (400, 4000, 4000), 1)
     thing = sheet((1000, -200, -200), (1000, 200, 200), 1)
-    found = looked([turned(mesh, shuffle) for mesh in (left, right, thing)], 10_000, most_shafts=2000)
+    found = looked([turned(mesh, shuffle) for mesh in (left, right, thing)], 10_000)
     assert 2 in found.visible
 
 
@@ -113,8 +114,8 @@ def test_shafts_only_ever_sharpen_and_an_engine_forgets_its_last_cell(seed: int)
     soup = soup_of(rooms(rng, 4))
     lo = rng.integers(500, 15000, (2, 3)) * np.array([1.0, 1.0, 0.0]) + [0.0, 0.0, 1500.0]
     few, more, most = (
-        Engine(soup, replace(EngineSettings(resolution=32), shafts=shafts, most_shafts=limit))
-        for shafts, limit in ((0, 0), (500, 20), (100_000, 1000))
+        Engine(soup, replace(EngineSettings(resolution=32), shafts=shafts, least_worth=worth))
+        for shafts, worth in ((0, 1), (500, 1), (100_000, 0.01))
     )
     found = [engine.visible_from(lo[0], lo[0] + 300, soup.drawables) for engine in (few, more, most)]
     visible = [set(cell.visible.tolist()) for cell in found if cell is not None]

@@ -17,19 +17,18 @@ class Clusters(NamedTuple):
     drawable: np.ndarray  # (k,) int32
     lo: np.ndarray  # (k, 3) float64 boxes in grid units
     hi: np.ndarray  # (k, 3) float64
-    breadth: np.ndarray  # (k,) float64 in grid units, see `soup`
     box: np.ndarray  # (nodes, 2, 3) float64 lower and upper corners, in grid units, around all that is below
     right: np.ndarray  # (nodes,) int32 right child; 0 at leaves
     cluster: np.ndarray  # (nodes,) int32 cluster of a leaf; -1 at inner nodes
-    broadest: np.ndarray  # (nodes,) float64 the greatest breadth below
+    broadest: np.ndarray  # (nodes,) float64 the greatest breadth below, in grid units
 
 
 def make_clusters(
     start: np.ndarray, drawable: np.ndarray, lo: np.ndarray, hi: np.ndarray, breadth: np.ndarray
 ) -> Clusters:
-    """The tree over clusters; args: as in `Clusters`."""
+    """The tree over clusters; args: as in `Clusters`, and breadth (k,) float64 as in `soup`."""
     box, right, cluster, _ = build_tree(lo, hi)
-    return Clusters(start, drawable, lo, hi, breadth, box, right, cluster, _broadest(right, cluster, breadth))
+    return Clusters(start, drawable, lo, hi, box, right, cluster, _broadest(right, cluster, breadth))
 
 
 @allocating_kernel()

@@ -2,7 +2,8 @@
 
 A pair (depth, limit) of a pixel says: every point whose image lies in the pixel, deeper than `depth` and no deeper than
 `limit`, is hidden from the whole cell. A set in front hides what is right behind it, one further back hides farther, so
-a pixel keeps the pairs that no other one makes superfluous: with increasing depth their limits increase.
+a pixel keeps the pairs that no other one makes superfluous: with increasing depth their limits increase. What is hidden
+however deep it is stays so: a pair without a limit gives way only to one in front of it.
 """
 
 from __future__ import annotations

@@ -167,12 +167,12 @@ def test_a_cell_in_a_closed_room_looks_at_little_of_the_model() -> None:
         engine = Engine(soup, EngineSettings(resolution=64))
         middle = 4000.0 * (per_side // 2) + np.array([1500.0, 1500.0])
         lo = np.array([*middle, 1500.0])
-        for most in (None, 10**9):
+        for most in (None, int(soup.triangle_counts.sum()) - 1):
             assert engine.visible_from(lo, lo + 100, soup.drawables, most) is not None
             shares.append(int(engine._mesh.looked_count[0]))
     assert shares[2] < 2.5 * shares[0]
     assert shares[3] < 2.5 * shares[1]
-    assert shares[2] < 0.4 * len(soup.triangles)
+    assert max(shares) < 0.4 * len(soup.triangles)
 
 
 @pytest.mark.parametrize("seal", [0.0, 40.0])

@@ -49,7 +49,7 @@ class EngineSettings:
     """How hard the engine tries; all settings but `sampled` and `seal` are safe: they only trade time for tightness."""
 
     method: str = METHODS[0]  # one of jobs.visibility.methods
-    resolution: int = 48  # pixels along the edge of a cube face
+    resolution: int = 80  # pixels along the edge of a cube face
     layers: int = 2  # pairs of depths that a pixel keeps
     largest_flooded_set: int = 2048  # triangles in one flooded occluder set
     smallest_window: int = 16  # pixels that a core's image must span to be worth flooding from
@@ -58,7 +58,7 @@ class EngineSettings:
     proof_points: int = 1  # corners of the cell from which item buffers are drawn, 8 at most
     aimed_rays: int = 4096  # at drawables that item buffers do not prove visible, all together
     most_aimed_rays: int = 512  # at one of them
-    shafts: int = 10_000  # looked at to decide what is neither proven visible nor hidden, all together
+    shafts: int = 20_000  # looked at to decide what is neither proven visible nor hidden, all together
     least_worth: float = 0.3  # triangles that a shaft must be expected to save
     sampled: bool = False  # report what rays meet, nothing else: may miss what can be seen
     seal: float = 0.0  # gaps no wider than this, in model units, count as closed: may miss what is seen through them
@@ -67,7 +67,7 @@ class EngineSettings:
     hold_out_rays: int = 10_000  # that measure what an approximate cell misses
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 6
+    version: int = 7
 
     @property
     def approximate(self) -> bool:
@@ -83,7 +83,7 @@ class EngineSettings:
 
 #: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
 QUALITIES: dict[str, EngineSettings] = {
-    "draft": EngineSettings(resolution=64, aimed_rays=1024, most_aimed_rays=128, shafts=2000, least_worth=1.0),
+    "draft": EngineSettings(resolution=48, aimed_rays=1024, most_aimed_rays=128, shafts=2000, least_worth=2.0),
     "normal": EngineSettings(),
     "high": EngineSettings(
         resolution=256,
@@ -91,8 +91,8 @@ QUALITIES: dict[str, EngineSettings] = {
         proof_points=4,
         aimed_rays=16_384,
         most_aimed_rays=1024,
-        shafts=500_000,
-        least_worth=0.001,
+        shafts=200_000,
+        least_worth=0.01,
     ),
 }
 

@@ -32,6 +32,7 @@ class Attack(NamedTuple):
     settings: EngineSettings
     first_peeping: int  # the meshes from here on may be seen past an edge from a point of the cell
     eyes: np.ndarray  # (n, 3) float32 these points
+    aims: np.ndarray  # (n, 3, 3) float32 the triangles that may be seen from there
 
 
 def nasty_scene(rng: np.random.Generator) -> Attack:
@@ -62,7 +63,7 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         shift = rng.integers(-(LARGEST - reach), LARGEST - reach, 3).astype(np.int32)
         meshes = [((points + shift).astype(np.int32), triangles) for points, triangles in meshes]
         lo, hi = lo + shift, hi + shift
-    peeping, eyes = _peeping(
+    peeping, eyes, aims = _peeping(
         rng, meshes, lo, hi, {"screens": 100, "overlaps": 20}.get(kind, int(rng.choice([0, 0, 10])))
     )
     settings = EngineSettings(
@@ -72,7 +73,15 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         shafts=int(rng.choice([0, 20_000, 20_000])), least_worth=float(rng.choice([1.0, 0.1, 0.001])),
     )  # fmt: skip
     return Attack(
-        meshes + peeping, lo, hi, bool(rng.random() < 0.4), int(rng.choice([1, 3, 32])), settings, len(meshes), eyes
+        meshes + peeping,
+        lo,
+        hi,
+        bool(rng.random() < 0.4),
+        int(rng.choice([1, 3, 32])),
+        settings,
+        len(meshes),
+        eyes,
+        aims,
     )
 
 
@@ -100,12 +109,12 @@ def _aimed(
 ) -> list[Sight]:
     """What is not reported of the things that may peep past an edge, looked for from where they should be seen."""
     missed: list[Sight] = []
-    for eye, drawable in zip(attack.eyes, range(attack.first_peeping, len(attack.meshes)), strict=True):
-        mine = np.flatnonzero(owner == drawable)
-        if drawable in visible or not len(mine):
+    peeping = range(attack.first_peeping, len(attack.meshes))
+    for eye, aim, drawable in zip(attack.eyes, attack.aims, peeping, strict=True):
+        if drawable in visible:
             continue
         weights = rng.dirichlet((1.0, 1.0, 1.0), AIMED)
-        targets = (corners[rng.choice(mine, AIMED)].astype(np.float64) * weights[:, :, None]).sum(axis=1)
+        targets = weights @ aim.astype(np.float64)
         origins = np.repeat(eye[None], AIMED, axis=0)
         directions = (targets - origins).astype(np.float32)
         hits, _ = oracle.cast(origins, directions)
@@ -257,14 +266,16 @@ def _overlaps(rng: np.random.Generator, centre: np.ndarray, half: np.ndarray) ->
 
 def _peeping(
     rng: np.random.Generator, meshes: list[Mesh], lo: np.ndarray, hi: np.ndarray, count: int
-) -> tuple[list[Mesh], np.ndarray]:
+) -> tuple[list[Mesh], np.ndarray, np.ndarray]:
     """Up to `count` small triangles, each on a line of sight from a point of the cell right past an edge of something.
 
     Mostly from the corner of the cell that sees farthest past it, and past an edge of one triangle alone where there is
-    one: things that can hardly be seen from anywhere else. Returns them and the points (n, 3) float32.
+    one: things that can hardly be seen from anywhere else. Often others are part of the same drawable, somewhere around
+    it. Returns the drawables, the points (n, 3) float32 and the triangles' corners (n, 3, 3) float32.
     """
     things: list[Mesh] = []
     eyes: list[np.ndarray] = []
+    aims: list[np.ndarray] = []
     points_of_cell = surface_points(lo, hi, 32, rng)
     reach = float(np.linalg.norm(hi - lo))
     beyond = rng.choice([-1.0, 0.0, 1.5])  # things far behind all the rest inflate edges by the whole cell
@@ -289,6 +300,14 @@ def _peeping(
         corners = at + np.rint(rng.uniform(-0.5, 0.5, (3, 3)) * extent).astype(np.int64)
         front = np.linalg.det(corners - eye.astype(np.float64))
         if (np.abs(corners) < LARGEST).all() and front != 0:
-            things.append((corners.astype(np.int32), np.array([[0, 1, 2] if front < 0 else [0, 2, 1]])))
+            others = int(rng.choice([0, 0, 1, 3, 20]))
+            scatter = np.linalg.norm(at - eye) * 10 ** rng.uniform(-3, 0)
+            around = at + rng.normal(size=(others, 1, 3)) * scatter + rng.uniform(-0.5, 0.5, (others, 3, 3)) * extent
+            around = np.clip(np.rint(around), 1 - LARGEST, LARGEST - 1).astype(np.int32).reshape(-1, 3)
+            triangles = np.arange(3 * others + 3).reshape(-1, 3)
+            if front > 0:
+                triangles[0] = [0, 2, 1]
+            things.append((np.concatenate([corners.astype(np.int32), around]), triangles))
             eyes.append(eye)
-    return things, np.array(eyes, np.float32).reshape(-1, 3)
+            aims.append(corners)
+    return things, np.array(eyes, np.float32).reshape(-1, 3), np.array(aims, np.float32).reshape(-1, 3, 3)

@@ -57,6 +57,7 @@ class Parts(NamedTuple):
     last: np.ndarray  # (POOL,) int32
     whole: np.ndarray  # (POOL,) bool: the whole cell
     next: np.ndarray  # (POOL,) int32 the next one in the same list, or among those that are free; -1: none
+    free: np.ndarray  # (1,) int32 the first one that is free; -1: none
 
 
 class Turns(NamedTuple):
@@ -73,8 +74,60 @@ def make_parts() -> Parts:
     """Room for shafts that wait, for any number of cells."""
     return Parts(
         np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty(POOL, np.int32),
-        np.empty(POOL, np.int32), np.empty(POOL, np.bool_), np.empty(POOL, np.int32),
+        np.empty(POOL, np.int32), np.empty(POOL, np.bool_), np.empty(POOL, np.int32), np.zeros(1, np.int32),
     )  # fmt: skip
+
+
+@kernel()
+def _free_all(parts: Parts) -> None:
+    """Nothing waits."""
+    parts.free[0] = 0
+    for at in range(POOL):
+        parts.next[at] = at + 1 if at + 1 < POOL else -1
+
+
+@kernel(inline="always")
+def _take(parts: Parts) -> int:
+    """One that is free, or -1."""
+    at = parts.free[0]
+    if at >= 0:
+        parts.free[0] = parts.next[at]
+    return at
+
+
+@kernel(inline="always")
+def _give_back(parts: Parts, at: int) -> None:
+    """It is free from now on."""
+    parts.next[at] = parts.free[0]
+    parts.free[0] = at
+
+
+@kernel()
+def _append(parts: Parts, turns: Turns, k: int, at: int) -> None:
+    """It waits, the last one in the list of a drawable."""
+    parts.next[at] = -1
+    if turns.waiting[k]:
+        parts.next[turns.tail[k]] = at
+    else:
+        turns.head[k] = at
+    turns.tail[k] = at
+    turns.waiting[k] += 1
+
+
+@kernel()
+def _take_first(parts: Parts, turns: Turns, k: int) -> int:
+    """The one in the list of a drawable that has waited longest; it is in no list from now on."""
+    at = turns.head[k]
+    turns.head[k] = parts.next[at]
+    turns.waiting[k] -= 1
+    return at
+
+
+@kernel()
+def _give_up(parts: Parts, turns: Turns, k: int) -> None:
+    """Nothing of a drawable waits any more."""
+    while turns.waiting[k]:
+        _give_back(parts, _take_first(parts, turns, k))
 
 
 @kernel()
@@ -294,6 +347,75 @@ def _worth(turns: Turns, k: int, triangles: int) -> float:
     return triangles / (turns.waiting[k] / max(1.0 - 2.0 * turns.open[k], LEAST_PROGRESS))
 
 
+@kernel()
+def _find_open(
+    mesh: Mesh, first_cluster: int, end_cluster: int, clusters: Clusters, layers: np.ndarray, polygon: np.ndarray,
+    box: np.ndarray, order: np.ndarray, first: int,
+) -> int:  # fmt: skip
+    """Write the triangles of some clusters that images do not hide into `order`, from place `first` on.
+
+    polygon: (4, 2), box: (2, 3) float64 scratch. Returns the place after the last, -1 where one may touch the cell.
+    """
+    end = first
+    for c in range(first_cluster, end_cluster):
+        place_cluster(clusters, c, mesh.centre, mesh.half, box)
+        if box_hidden(box[0], box[1], layers, False):
+            continue
+        for t in range(clusters.start[c], clusters.start[c + 1]):
+            side = look(mesh, t)
+            if side == TURNED:
+                continue
+            i, j, k = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
+            if side == 0 and may_touch(mesh.q, i, j, k):
+                return -1
+            if not triangle_hidden(mesh.q, i, j, k, layers, polygon):
+                order[end] = t
+                end += 1
+    return end
+
+
+@kernel()
+def _take_turn(
+    scene: Scene, mesh: Mesh, work: Work, parts: Parts, turns: Turns, k: int, drawable: int, order: np.ndarray,
+    shaft: Shaft, small: Shaft, most: int, hint: int,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Look at so many of the shafts of a drawable, and halve those that stay open.
+
+    Args: as for `_look` and `_place`; k: the drawable's number among the turns.
+
+    Returns:
+        (what becomes of the drawable: OPEN, CLOSED or SEEN; the shafts that were looked at; the next hint).
+    """
+    for number in range(1, most + 1):
+        at = _take_first(parts, turns, k)
+        t = order[(parts.first[at] + parts.last[at]) // 2]
+        count, weight = _place(scene, order, parts, at, turns.looked[k] & 7, shaft)
+        found, where = CLOSED, 0.0
+        turned = (
+            count == 3
+            and scene.one_sided[drawable]
+            and side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0
+        )
+        if not turned:
+            found, hint, where = _look(
+                scene, mesh, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
+            )
+        turns.looked[k] += 1
+        turns.open[k] += FOLLOWS * ((1.0 if found == OPEN else 0.0) - turns.open[k])
+        other = _take(parts) if found == OPEN else -1
+        if other >= 0:
+            _halve(scene, order, parts, at, other, shaft, where)
+            _append(parts, turns, k, at)
+            _append(parts, turns, k, other)
+            continue
+        _give_back(parts, at)
+        if found == CLOSED and turns.waiting[k]:
+            continue
+        _give_up(parts, turns, k)
+        return found, number, hint
+    return OPEN, most, hint
+
+
 @allocating_kernel()
 def decide(
     scene: Scene, mesh: Mesh, work: Work, parts: Parts, chosen: np.ndarray,
@@ -316,58 +438,33 @@ def decide(
         The shafts that were looked at.
     """
     shaft, small = make_shaft(), make_shaft()
-    polygon, placed = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
+    polygon, box = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
     n = len(chosen)
     turns = Turns(
         np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n)
     )
     counts = np.zeros(n, np.int64)
-    total = 0
     for k in range(n):
         counts[k] = clusters.start[first_cluster[chosen[k] + 1]] - clusters.start[first_cluster[chosen[k]]]
-        total += counts[k]
-    order = np.empty(total, np.int32)
-    for at in range(POOL):
-        parts.next[at] = at + 1 if at + 1 < POOL else -1
-    free, shafts, hint, taken = 0, 0, -1, 0
+    order = np.empty(counts.sum(), np.int32)
+    _free_all(parts)
+    begin = 0
     for k in range(n):
-        drawable = chosen[k]
-        begin = taken
-        touches = False
-        for c in range(first_cluster[drawable], first_cluster[drawable + 1]):
-            place_cluster(clusters, c, mesh.centre, mesh.half, placed)
-            if box_hidden(placed[0], placed[1], layers, False):
-                continue
-            for t in range(clusters.start[c], clusters.start[c + 1]):
-                side = look(mesh, t)
-                if side == TURNED:
-                    continue
-                a, b, corner = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
-                if side == 0 and may_touch(mesh.q, a, b, corner):
-                    touches = True
-                    break
-                if not triangle_hidden(mesh.q, a, b, corner, layers, polygon):
-                    order[taken] = t
-                    taken += 1
-            if touches:
-                break
-        if touches:
-            taken = begin
+        end = _find_open(
+            mesh, first_cluster[chosen[k]], first_cluster[chosen[k] + 1], clusters, layers, polygon, box, order, begin
+        )
+        if end == begin:
+            hidden[chosen[k]] = True
+        at = _take(parts) if end > begin else -1
+        if at < 0:
             continue
-        if taken == begin:
-            hidden[drawable] = True
-            continue
-        if free < 0:
-            continue
-        at = free
-        free = parts.next[at]
-        parts.next[at] = -1
         for i in range(3):
             parts.v[at, i], parts.v[at, 3 + i] = lo[i], hi[i]
-        parts.first[at], parts.last[at], parts.whole[at] = begin, taken, True
+        parts.first[at], parts.last[at], parts.whole[at] = begin, end, True
         _box(scene, order, parts, at)
-        turns.head[k] = turns.tail[k] = at
-        turns.waiting[k] = 1
+        _append(parts, turns, k, at)
+        begin = end
+    shafts, hint = 0, -1
     while shafts < most:
         k, best = -1, least_worth
         for other in range(n):
@@ -375,50 +472,12 @@ def decide(
                 k, best = other, _worth(turns, other, counts[other])
         if k < 0:
             break
-        drawable = chosen[k]
-        for _ in range(min(TURN, most - shafts)):
-            at = turns.head[k]
-            t = order[(parts.first[at] + parts.last[at]) // 2]
-            count, weight = _place(scene, order, parts, at, turns.looked[k] & 7, shaft)
-            if (
-                count == 3
-                and scene.one_sided[drawable]
-                and (side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0)
-            ):
-                found, where = CLOSED, 0.0
-            else:
-                found, hint, where = _look(
-                    scene, mesh, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
-                )
-            shafts += 1
-            turns.looked[k] += 1
-            turns.open[k] += FOLLOWS * ((1.0 if found == OPEN else 0.0) - turns.open[k])
-            turns.head[k] = parts.next[at]
-            turns.waiting[k] -= 1
-            give_up = False
-            if found == OPEN and free >= 0:
-                other = free
-                free = parts.next[other]
-                _halve(scene, order, parts, at, other, shaft, where)
-                parts.next[at], parts.next[other] = other, -1
-                if turns.waiting[k]:
-                    parts.next[turns.tail[k]] = at
-                else:
-                    turns.head[k] = at
-                turns.tail[k] = other
-                turns.waiting[k] += 2
-            else:
-                parts.next[at] = free
-                free = at
-                if found == CLOSED:
-                    hidden[drawable] = turns.waiting[k] == 0
-                else:
-                    proven[drawable] = found == SEEN
-                    give_up = True
-            if give_up and turns.waiting[k]:
-                parts.next[turns.tail[k]] = free
-                free = turns.head[k]
-                turns.waiting[k] = 0
-            if turns.waiting[k] == 0:
-                break
+        found, looked, hint = _take_turn(
+            scene, mesh, work, parts, turns, k, chosen[k], order, shaft, small, min(TURN, most - shafts), hint
+        )
+        shafts += looked
+        if found == CLOSED:
+            hidden[chosen[k]] = True
+        elif found == SEEN:
+            proven[chosen[k]] = True
     return shafts

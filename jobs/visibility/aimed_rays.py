@@ -162,8 +162,28 @@ def aim(
         begin, end: the numbers of the rays at each drawable, end - begin at most: others are other rays.
         proven: (drawables,) bool, set to True where a drawable is proven visible.
     """
-    o, d, over = np.empty(3), np.empty(3), np.empty(3)
-    stack = np.empty(STACK, np.int32)
+    _aim(
+        scene,
+        chosen,
+        first,
+        lo,
+        hi,
+        begin,
+        end,
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(STACK, np.int32),
+        proven,
+    )
+
+
+@kernel()
+def _aim(
+    scene: Scene, chosen: np.ndarray, first: np.ndarray, lo: np.ndarray, hi: np.ndarray, begin: int, end: int,
+    o: np.ndarray, d: np.ndarray, over: np.ndarray, stack: np.ndarray, proven: np.ndarray,
+) -> None:  # fmt: skip
+    """See `aim`; o, d, over and stack are scratch, see `look`."""
     for drawable in chosen:
         count = first[drawable + 1] - first[drawable]
         if count == 0:

@@ -132,8 +132,10 @@ class Engine:
         self._clusters = make_clusters(
             soup.cluster_start, soup.cluster_drawable, soup.cluster_lo, soup.cluster_hi, soup.cluster_breadth
         )
-        self._occluders = occluders.make_work(len(soup.vertices), soup.cluster_start, soup.gaps is not None)
         r = settings.resolution
+        self._occluders = occluders.make_work(
+            len(soup.vertices), soup.cluster_start, settings.largest_flooded_set, r, soup.gaps is not None
+        )
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
         self._work = closing_sets.make_work(len(soup.triangles))
@@ -235,11 +237,12 @@ class Engine:
         soup = self.soup
         clear_layers(self._layers)
         farthest = max(occluders.farthest_of(self._mesh, soup.drawable_lo, soup.drawable_hi, places), FARTHEST)
+        occluders.forget_marks(self._occluders)
         # first what is sure, then, if gaps count as closed, what is left
         for seals in (NO_SEALS, *([self._seals()] if soup.gaps else [])):
             occluders.cover(
-                self._mesh, self._clusters, self._occluders, farthest * (1 + 1e-6), self.settings.largest_flooded_set,
-                self.settings.smallest_window, self._layers, seals,
+                self._mesh, self._clusters, self._occluders, farthest * (1 + 1e-6), self.settings.smallest_window,
+                self._layers, seals,
             )  # fmt: skip
         seen: np.ndarray = occludees.find_visible(
             self._mesh, self._clusters, self._layers, soup.triangle_counts,

@@ -40,13 +40,40 @@ def see(
         pixel: (drawables,) int32, receives where, (face * resolution + j) * resolution + i: the one of the drawable's
             pixels that has as many before it as after it, not at its border as a rule.
     """
-    moved = np.empty((3, 3), np.float64)
-    polygon = np.empty((4, 2), np.float64)
     nearest = np.zeros((6, resolution, resolution), np.float64)
     item = np.full((6, resolution, resolution), -1, np.int32)
-    q, triangles, triangle_drawable = mesh.q, mesh.triangles, mesh.triangle_drawable
-    placed = np.empty((2, 3), np.float64)
-    stack = np.empty(STACK, np.int32)
+    _draw(
+        mesh, clusters, drawn, eye, resolution, np.empty((3, 3)), np.empty((4, 2)), np.empty((2, 3)),
+        np.empty(STACK, np.int32), nearest, item,
+    )  # fmt: skip
+    triangle_drawable = mesh.triangle_drawable
+    pixels = item.ravel()
+    count = np.zeros(len(triangle), np.int32)
+    for at in range(len(pixels)):
+        if pixels[at] >= 0:
+            count[triangle_drawable[pixels[at]]] += 1
+    passed = np.zeros(len(triangle), np.int32)
+    triangle[:] = -1
+    for at in range(len(pixels)):
+        if pixels[at] >= 0:
+            d = triangle_drawable[pixels[at]]
+            if passed[d] == count[d] // 2:
+                triangle[d], pixel[d] = pixels[at], at
+            passed[d] += 1
+
+
+@kernel()
+def _draw(
+    mesh: Mesh, clusters: Clusters, drawn: np.ndarray, eye: np.ndarray, resolution: int, moved: np.ndarray,
+    polygon: np.ndarray, placed: np.ndarray, stack: np.ndarray, nearest: np.ndarray, item: np.ndarray,
+) -> None:  # fmt: skip
+    """Draw what is seen from a point: see `see`.
+
+    Args:
+        moved: (3, 3), polygon: (4, 2), placed: (2, 3) float64 and stack: (STACK,) int32 are scratch.
+        nearest: (6, r, r) float64 0s, receive one over the depths; item: (6, r, r) int32 -1s, receive the triangles.
+    """
+    q, triangles = mesh.q, mesh.triangles
     stack[0] = 0
     waiting = min(clusters.right.shape[0], 1)
     while waiting:
@@ -106,19 +133,6 @@ def see(
                         if w > nearest[face, j, i] or (w == nearest[face, j, i] and t < item[face, j, i]):
                             nearest[face, j, i] = w
                             item[face, j, i] = t
-    pixels = item.ravel()
-    count = np.zeros(len(triangle), np.int32)
-    for at in range(len(pixels)):
-        if pixels[at] >= 0:
-            count[triangle_drawable[pixels[at]]] += 1
-    passed = np.zeros(len(triangle), np.int32)
-    triangle[:] = -1
-    for at in range(len(pixels)):
-        if pixels[at] >= 0:
-            d = triangle_drawable[pixels[at]]
-            if passed[d] == count[d] // 2:
-                triangle[d], pixel[d] = pixels[at], at
-            passed[d] += 1
 
 
 @kernel()

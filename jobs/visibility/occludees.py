@@ -126,11 +126,21 @@ def find_visible(
     Returns:
         (drawables,) bool. A triangle of a one-sided drawable counts only where its front can be seen.
     """
-    q, triangles = mesh.q, mesh.triangles
-    polygon = np.empty((4, 2), np.float64)
-    placed = np.empty((2, 3), np.float64)
     visible = np.zeros(mesh.active.shape[0], np.bool_)
-    stack = np.empty(STACK, np.int32)
+    _mark_visible(
+        mesh, clusters, layers, counts, most_triangles, np.empty((4, 2)), np.empty((2, 3)), np.empty(STACK, np.int32),
+        visible,
+    )  # fmt: skip
+    return visible
+
+
+@kernel()
+def _mark_visible(
+    mesh: Mesh, clusters: Clusters, layers: np.ndarray, counts: np.ndarray, most_triangles: int, polygon: np.ndarray,
+    placed: np.ndarray, stack: np.ndarray, visible: np.ndarray,
+) -> None:  # fmt: skip
+    """Mark the drawables that may be seen: see `find_visible`; polygon, placed and stack are scratch."""
+    q, triangles = mesh.q, mesh.triangles
     stack[0] = 0
     waiting = min(clusters.right.shape[0], 1)
     total = 0
@@ -158,7 +168,6 @@ def find_visible(
                 visible[clusters.drawable[c]] = True
                 total += counts[clusters.drawable[c]]
                 break
-    return visible
 
 
 @kernel()

@@ -59,19 +59,54 @@ class Work(NamedTuple):
     cored: np.ndarray  # (m,) int32 the epoch of the last face on which a triangle belonged to a core
     seen: np.ndarray  # (m,) int32 the epoch of the last flood that took a triangle in
     core: np.ndarray  # (largest cluster,) int32
-    ends: np.ndarray  # (n, 4) int32, see seals.Sealing; none where no gaps count as closed
+    flood: np.ndarray  # (largest set,) int32
+    drawn: np.ndarray  # (largest set,) int32
+    unsafe: np.ndarray  # (3 largest set, 2) int32
+    polygon: np.ndarray  # (4, 2) float64
+    sweep: np.ndarray  # (4, 4) float64
+    limit: np.ndarray  # (r, r) float64
+    deepest: np.ndarray  # (r, r) float64
+    rows: np.ndarray  # (r, 2) int32
+    sealing: Sealing  # none of these three where no gaps count as closed
+    touched: np.ndarray  # (r, r) float64
+    in_order: np.ndarray  # (ROWS,) int32 0, 1, 2 ...
     queue: Queue
 
 
-def make_work(vertices: int, cluster_start: np.ndarray, sealed: bool) -> Work:
-    """What occluders are drawn in among so many vertices; cluster_start: (k + 1,) int32; sealed: gaps may be closed."""
-    m = int(cluster_start[-1])
+def make_work(vertices: int, cluster_start: np.ndarray, largest_set: int, resolution: int, sealed: bool) -> Work:
+    """What occluders are drawn in, for any number of cells.
+
+    Args:
+        vertices: how many; cluster_start: (k + 1,) int32.
+        largest_set: most triangles in a flooded set.
+        resolution: pixels along the edge of a face.
+        sealed: whether gaps may count as closed.
+    """
+    m, r = int(cluster_start[-1]), resolution
+    n, most, rows, side = (vertices, 3 * largest_set, ROWS, r) if sealed else (0, 0, 0, 0)
     return Work(
         np.zeros(1, np.int64),
         Images(np.zeros(vertices, np.int32), np.empty((vertices, 6), np.float64), np.empty(vertices, np.bool_)),
         np.zeros(m, np.int32), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
-        np.zeros((vertices if sealed else 0, 4), np.int32), make_queue(len(cluster_start) - 1),
+        np.empty(largest_set, np.int32), np.empty(largest_set, np.int32), np.empty((3 * largest_set, 2), np.int32),
+        np.empty((4, 2)), np.empty((4, 4)), np.empty((r, r)), np.empty((r, r)), np.empty((r, 2), np.int32),
+        Sealing(
+            np.empty((most, 2), np.int32), np.zeros((n, 4), np.int32), np.empty((MOST, 2)), np.empty(MOST, np.int64),
+            np.empty(rows, np.int64), np.empty((rows, 3), np.int32), np.empty(3),
+        ),
+        np.empty((side, side)), np.arange(rows, dtype=np.int32), make_queue(len(cluster_start) - 1),
     )  # fmt: skip
+
+
+@allocating_kernel()
+def forget_marks(work: Work) -> None:
+    """Clear the marks where so many floods have been counted that they would not fit soon."""
+    if work.epoch[0] > MOST_EPOCHS:
+        work.epoch[0] = 0
+        work.images.known[:] = 0
+        work.cored[:] = 0
+        work.seen[:] = 0
+        work.sealing.ends[:] = 0
 
 
 @kernel()
@@ -91,13 +126,12 @@ def farthest_of(mesh: Mesh, lo: np.ndarray, hi: np.ndarray, places: np.ndarray) 
     return far
 
 
-@allocating_kernel()
+@kernel()
 def cover(
     mesh: Mesh,
     clusters: Clusters,
     work: Work,
     farthest: float,
-    largest_set: int,
     smallest_window: int,
     layers: np.ndarray,
     seals: Seals,
@@ -109,7 +143,6 @@ def cover(
         clusters: of the triangles: the cores of the floods.
         work: see `make_work`.
         farthest: nothing is deeper, on any face.
-        largest_set: most triangles in a flooded set; edges at which the flood stops count as unsafe.
         smallest_window: cores whose image has fewer pixels on a face are not tried there.
         layers: (6, r, r, k, 2) float32, cleared before; receives what is hidden, see `layers`.
         seals: gaps at which floods go on; where there are none, nothing is approximate. Else only sets that close some
@@ -120,29 +153,11 @@ def cover(
     """
     resolution = layers.shape[2]
     images, cored, seen, core, queue = work.images, work.cored, work.seen, work.core, work.queue
-    if work.epoch[0] > MOST_EPOCHS:
-        work.epoch[0] = 0
-        images.known[:] = 0
-        cored[:] = 0
-        seen[:] = 0
-        work.ends[:] = 0
-    epoch = work.epoch[0]
-    flood = np.empty(largest_set, np.int32)
-    drawn = np.empty(largest_set, np.int32)
-    unsafe = np.empty((3 * largest_set, 2), np.int32)
-    polygon = np.empty((4, 2), np.float64)
-    sweep = np.empty((4, 4), np.float64)
-    limit = np.empty((resolution, resolution), np.float64)
-    deepest = np.empty((resolution, resolution), np.float64)
-    rows = np.empty((resolution, 2), np.int32)
+    flood, drawn, unsafe, polygon, sweep = work.flood, work.drawn, work.unsafe, work.polygon, work.sweep
+    limit, deepest, rows, sealing, touched = work.limit, work.deepest, work.rows, work.sealing, work.touched
+    in_order = work.in_order
     sealed = seals.near.shape[0] > 0
-    sealing = Sealing(
-        np.empty((3 * largest_set if sealed else 0, 2), np.int32), work.ends,
-        np.empty((MOST, 2), np.float64), np.empty(MOST, np.int64), np.empty(ROWS if sealed else 0, np.int64),
-        np.empty((ROWS if sealed else 0, 3), np.int32), np.empty(3, np.float64),
-    )  # fmt: skip
-    touched = np.empty((resolution, resolution) if sealed else (0, 0), np.float64)
-    in_order = np.arange(ROWS if sealed else 0).astype(np.int32)
+    epoch = work.epoch[0]
     n_core_strips, n_strips = 0, 0
     q, triangles = mesh.q, mesh.triangles
     cores, flooded, pixels = 0, 0, 0
@@ -159,7 +174,7 @@ def cover(
                 if cored[seed] >= mark or not may_occlude(mesh, seed):
                     continue
                 n_core = grow_core(mesh, seed, first, last, mark, cored, core)
-                n_core = min(n_core, largest_set)
+                n_core = min(n_core, flood.shape[0])
                 found, i0, i1, j0, j1, near = core_window(q, triangles, core, n_core, face, resolution, polygon)
                 if sealed:
                     n_core_strips = core_strips(mesh, seals, sealing, core, n_core, seen)
@@ -205,12 +220,16 @@ def cover(
                         q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
                     )
                 if n_strips > 0:
-                    touched[j0 : j1 + 1, i0 : i1 + 1] = 0.0
+                    for j in range(j0, j1 + 1):
+                        for i in range(i0, i1 + 1):
+                            touched[j, i] = 0.0
                     for k in range(n_strips):
-                        for target in (deepest, touched):
-                            _draw_triangle(
-                                q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, target, limit
-                            )
+                        _draw_triangle(
+                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
+                        )
+                        _draw_triangle(
+                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, touched, limit
+                        )
                     for k in range(n_sure, n_drawn):
                         _draw_triangle(
                             q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, touched

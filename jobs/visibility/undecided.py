@@ -61,7 +61,7 @@ class Parts(NamedTuple):
 
 
 class Turns(NamedTuple):
-    """How far drawables are."""
+    """How far the drawables are that are to be decided, by their numbers."""
 
     head: np.ndarray  # (c,) int32 lists of shafts that wait
     tail: np.ndarray  # (c,) int32
@@ -88,7 +88,7 @@ def _free_all(parts: Parts) -> None:
 
 @kernel(inline="always")
 def _take(parts: Parts) -> int:
-    """One that is free, or -1."""
+    """A shaft that is free, or -1."""
     at = parts.free[0]
     if at >= 0:
         parts.free[0] = parts.next[at]
@@ -97,14 +97,14 @@ def _take(parts: Parts) -> int:
 
 @kernel(inline="always")
 def _give_back(parts: Parts, at: int) -> None:
-    """It is free from now on."""
+    """A shaft is free from now on."""
     parts.next[at] = parts.free[0]
     parts.free[0] = at
 
 
 @kernel()
 def _append(parts: Parts, turns: Turns, k: int, at: int) -> None:
-    """It waits, the last one in the list of a drawable."""
+    """A shaft waits from now on, the last one in the list of a drawable."""
     parts.next[at] = -1
     if turns.waiting[k]:
         parts.next[turns.tail[k]] = at
@@ -116,7 +116,7 @@ def _append(parts: Parts, turns: Turns, k: int, at: int) -> None:
 
 @kernel()
 def _take_first(parts: Parts, turns: Turns, k: int) -> int:
-    """The one in the list of a drawable that has waited longest; it is in no list from now on."""
+    """The first shaft in the list of a drawable, which is in no list from now on."""
     at = turns.head[k]
     turns.head[k] = parts.next[at]
     turns.waiting[k] -= 1
@@ -211,7 +211,7 @@ def _place(scene: Scene, order: np.ndarray, parts: Parts, at: int, from_corner: 
         at: which one; from_corner: of V, 0 to 7.
 
     Returns:
-        (corners of what is looked at, the least weight of the segment's end on the triangle parts.last - 1's corners).
+        (corners of what is looked at; the least of the weights that the segment's end has in its triangle).
     """
     first, last = parts.first[at], parts.last[at]
     middle_a, middle_b = 1.0 / 3.0, 1.0 / 3.0

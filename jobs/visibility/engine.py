@@ -13,6 +13,7 @@ from jobs.visibility import aimed_rays, closing_sets, item_buffer, mesh, occlude
 from jobs.visibility.clusters import make_clusters
 from jobs.visibility.layers import clear_layers
 from jobs.visibility.methods import METHODS
+from jobs.visibility.raster import LANES
 from jobs.visibility.seals import ROWS, UNKNOWN, Seals
 from jobs.visibility.shrunk_occluders import ShrunkOccluders
 from jobs.visibility.soup import Soup
@@ -67,7 +68,7 @@ class EngineSettings:
     hold_out_rays: int = 10_000  # that measure what an approximate cell misses
 
     #: Part of the task keys: change it whenever results may change.
-    version: int = 7
+    version: int = 8
 
     @property
     def approximate(self) -> bool:
@@ -78,7 +79,7 @@ class EngineSettings:
     def image_bytes(self) -> int:
         """Memory of an engine's images, in bytes."""
         pairs = 6 * self.resolution**2 * self.layers * 8
-        return pairs + 16 * self.resolution**2 + 6 * self.proof_resolution**2 * 12
+        return pairs + 16 * self.resolution * (self.resolution + LANES) + 6 * self.proof_resolution**2 * 12
 
 
 #: Named settings: how much time a cell may take to close its gap. "normal" is the default. See docs/visibility.md.
@@ -237,11 +238,12 @@ class Engine:
         soup = self.soup
         clear_layers(self._layers)
         farthest = max(occluders.farthest_of(self._mesh, soup.drawable_lo, soup.drawable_hi, places), FARTHEST)
+        farthest = float(np.float32(farthest * (1 + 1e-6)))
         occluders.forget_marks(self._occluders)
         # first what is sure, then, if gaps count as closed, what is left
         for seals in (NO_SEALS, *([self._seals()] if soup.gaps else [])):
             occluders.cover(
-                self._mesh, self._clusters, self._occluders, farthest * (1 + 1e-6), self.settings.smallest_window,
+                self._mesh, self._clusters, self._occluders, farthest, self.settings.smallest_window,
                 self._layers, seals,
             )  # fmt: skip
         seen: np.ndarray = occludees.find_visible(

@@ -12,6 +12,7 @@ import numpy as np
 
 from jobs.visibility.clusters import Clusters, place_node
 from jobs.visibility.cube_faces import (
+    PLANE,
     box_on_face,
     clip_triangle,
     inverse_depth_plane,
@@ -103,9 +104,9 @@ def triangle_hidden(q: np.ndarray, a: int, b: int, c: int, layers: np.ndarray, p
                 if plane:
                     w = pa * (i + 0.5) + pb * (j + 0.5) + pc
                     if (w + spread) * near < 1.0 and w + spread > 0.0:
-                        z0 = max(z0, 1.0 / (w + spread) * (1.0 - 1e-9))
+                        z0 = max(z0, 1.0 / (w + spread) * (1.0 - PLANE))
                     if (w - spread) * far > 1.0:
-                        z1 = min(z1, 1.0 / (w - spread) * (1.0 + 1e-9))
+                        z1 = min(z1, 1.0 / (w - spread) * (1.0 + PLANE))
                 if not pixel_hides(layers, face, j, i, z0 * DEPTH_DOWN, z1 * (1.0 + 1e-9)):
                     return False
     return True

@@ -17,10 +17,11 @@ touches S, and x is not on S. Past a safe edge the segment meets one of its two 
 least one; unsafe edges are never met; the count began at one or more. (Passing through a vertex is avoided by moving
 p a little: an open segment that is free of S stays free nearby.)
 
-So for one set S and one pixel: if the pixel's centre lies in the image of a triangle of S and no inflated unsafe edge
-touches the pixel (see `cube_faces`), then every x whose image lies in the pixel and which is deeper than all triangles
-of S that touch the pixel is hidden. The whole pixel is covered, since coverage can only end at an unsafe edge, whose
-image lies inside its inflated image. Results of any number of sets are united: the nearest depth wins.
+So for one set S and one pixel: if a point of the pixel (its centre, but for rounding) lies in the image of a triangle
+of S and no inflated unsafe edge touches the pixel (see `cube_faces`), then every x whose image lies in the pixel and
+which is deeper than all triangles of S that touch the pixel is hidden. The whole pixel is covered, since coverage can
+only end at an unsafe edge, whose image lies inside its inflated image. Results of any number of sets are united: the
+nearest depth wins.
 
 Each S is *flooded* from a small core, for the pixels whose centres the core covers: a safe edge is crossed only if its
 inflated image touches these pixels' rectangle. Edges that do not cannot spoil a pixel in it, safe or not.
@@ -37,12 +38,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.clusters import Clusters
-from jobs.visibility.cube_faces import clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.flood import Images, core_window, flood_from, grow_core
 from jobs.visibility.front_to_back import Queue, begin_queue, make_queue, next_cluster
 from jobs.visibility.gaps import MOST
 from jobs.visibility.layers import add_layer, pixel_hides
 from jobs.visibility.mesh import Mesh, may_occlude
+from jobs.visibility.raster import LANES, draw_triangle
 from jobs.visibility.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
 from jobs.visibility.silhouettes import lower_limits
 from storage.kernels import allocating_kernel, kernel
@@ -64,11 +65,12 @@ class Work(NamedTuple):
     unsafe: np.ndarray  # (3 largest set, 2) int32
     polygon: np.ndarray  # (4, 2) float64
     sweep: np.ndarray  # (4, 4) float64
-    limit: np.ndarray  # (r, r) float64
-    deepest: np.ndarray  # (r, r) float64
+    limit: np.ndarray  # (r, r + LANES) float32
+    inverse: np.ndarray  # (r, r + LANES) float32 one over the depth of the set in each pixel
     rows: np.ndarray  # (r, 2) int32
     sealing: Sealing  # none of these three where no gaps count as closed
-    touched: np.ndarray  # (r, r) float64
+    strips: np.ndarray  # (r, r + LANES) float32 as `inverse`, of the strips in gaps
+    beyond: np.ndarray  # the same of the triangles that count only behind strips
     in_order: np.ndarray  # (ROWS,) int32 0, 1, 2 ...
     queue: Queue
 
@@ -89,13 +91,17 @@ def make_work(vertices: int, cluster_start: np.ndarray, largest_set: int, resolu
         Images(np.zeros(vertices, np.int32), np.empty((vertices, 6), np.float64), np.empty(vertices, np.bool_)),
         np.zeros(m, np.int32), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
         np.empty(largest_set, np.int32), np.empty(largest_set, np.int32), np.empty((3 * largest_set, 2), np.int32),
-        np.empty((4, 2)), np.empty((4, 4)), np.empty((r, r)), np.empty((r, r)), np.empty((r, 2), np.int32),
+        np.empty((4, 2)), np.empty((4, 4)), _image(r), _image(r), np.empty((r, 2), np.int32),
         Sealing(
             np.empty((most, 2), np.int32), np.zeros((n, 4), np.int32), np.empty((MOST, 2)), np.empty(MOST, np.int64),
             np.empty(rows, np.int64), np.empty((rows, 3), np.int32), np.empty(3),
         ),
-        np.empty((side, side)), np.arange(rows, dtype=np.int32), make_queue(len(cluster_start) - 1),
+        _image(side), _image(side), np.arange(rows, dtype=np.int32), make_queue(len(cluster_start) - 1),
     )  # fmt: skip
+
+
+def _image(resolution: int) -> np.ndarray:
+    return np.empty((resolution, resolution + LANES), np.float32)
 
 
 @allocating_kernel()
@@ -142,7 +148,7 @@ def cover(
         mesh: the triangles, as the cell sees them.
         clusters: of the triangles: the cores of the floods.
         work: see `make_work`.
-        farthest: nothing is deeper, on any face.
+        farthest: nothing is deeper, on any face; a value of float32.
         smallest_window: cores whose image has fewer pixels on a face are not tried there.
         layers: (6, r, r, k, 2) float32, cleared before; receives what is hidden, see `layers`.
         seals: gaps at which floods go on; where there are none, nothing is approximate. Else only sets that close some
@@ -154,8 +160,8 @@ def cover(
     resolution = layers.shape[2]
     images, cored, seen, core, queue = work.images, work.cored, work.seen, work.core, work.queue
     flood, drawn, unsafe, polygon, sweep = work.flood, work.drawn, work.unsafe, work.polygon, work.sweep
-    limit, deepest, rows, sealing, touched = work.limit, work.deepest, work.rows, work.sealing, work.touched
-    in_order = work.in_order
+    limit, inverse, rows, sealing = work.limit, work.inverse, work.rows, work.sealing
+    strips, beyond, in_order = work.strips, work.beyond, work.in_order
     sealed = seals.near.shape[0] > 0
     epoch = work.epoch[0]
     n_core_strips, n_strips = 0, 0
@@ -186,16 +192,14 @@ def cover(
                         near = min(near, near_beside)
                 if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
                     continue
-                if not _open_pixels(layers, face, i0, i1, j0, j1, near, deepest, limit):
+                if not _open_pixels(layers, face, i0, i1, j0, j1, near, inverse, limit):
                     continue
                 for k in range(n_core):
-                    _draw_triangle(
-                        q, triangles, core[k], face, (i0, i1, j0, j1), polygon, True, farthest, deepest, limit
+                    draw_triangle(
+                        q, triangles, core[k], face, (i0, i1, j0, j1), polygon, True, farthest, inverse, limit
                     )
                 for k in range(n_core_strips):
-                    _draw_triangle(
-                        q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, True, farthest, deepest, limit
-                    )
+                    draw_triangle(q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, True, farthest, inverse, limit)
                 i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
                 if i0 > i1:
                     continue
@@ -216,26 +220,26 @@ def cover(
                 if n_unsafe < 0:
                     continue
                 for k in range(n_sure):
-                    _draw_triangle(
-                        q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
+                    draw_triangle(
+                        q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, inverse, limit
                     )
                 if n_strips > 0:
-                    for j in range(j0, j1 + 1):
-                        for i in range(i0, i1 + 1):
-                            touched[j, i] = 0.0
+                    _clear(strips, i0, i1, j0, j1)
+                    _clear(beyond, i0, i1, j0, j1)
                     for k in range(n_strips):
-                        _draw_triangle(
-                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, deepest, limit
-                        )
-                        _draw_triangle(
-                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, touched, limit
+                        draw_triangle(
+                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, strips, limit
                         )
                     for k in range(n_sure, n_drawn):
-                        _draw_triangle(
-                            q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, deepest, touched
+                        draw_triangle(
+                            q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, beyond, limit
                         )
+                    for j in range(j0, j1 + 1):
+                        for i in range(i0, i1 + 1):
+                            if strips[j, i] < np.inf:
+                                inverse[j, i] = min(inverse[j, i], strips[j, i], beyond[j, i])
                 if not lower_limits(
-                    q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, deepest, limit
+                    q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, inverse, limit
                 ):
                     continue
                 for j in range(j0, j1 + 1):
@@ -243,7 +247,7 @@ def cover(
                         if limit[j, i] > 0.0:
                             pixels += 1
                             all_depths = limit[j, i] >= farthest
-                            add_layer(layers, face, j, i, deepest[j, i], np.inf if all_depths else limit[j, i])
+                            add_layer(layers, face, j, i, 1.0 / inverse[j, i], np.inf if all_depths else limit[j, i])
     work.epoch[0] = epoch
     return cores, flooded, pixels
 
@@ -257,21 +261,29 @@ def _open_pixels(
     j0: int,
     j1: int,
     near: float,
-    deepest: np.ndarray,
+    inverse: np.ndarray,
     limit: np.ndarray,
 ) -> bool:
     """Whether a window has pixels where not all that is deeper than `near` is hidden yet.
 
-    deepest (r, r): receives 0 in the window; limit (r, r): receives 0 in those pixels, -1 in the others.
+    inverse: receives infinity in the window; limit: receives 0 in those pixels, -1 in the others.
     """
     found = False
     for j in range(j0, j1 + 1):
         for i in range(i0, i1 + 1):
             hidden = pixel_hides(layers, face, j, i, near, np.inf)
             limit[j, i] = -1.0 if hidden else 0.0
-            deepest[j, i] = 0.0
+            inverse[j, i] = np.inf
             found |= not hidden
     return found
+
+
+@kernel()
+def _clear(inverse: np.ndarray, i0: int, i1: int, j0: int, j1: int) -> None:
+    """Nothing is drawn in a window of an image."""
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            inverse[j, i] = np.inf
 
 
 @kernel()
@@ -284,60 +296,3 @@ def _covered_window(i0: int, i1: int, j0: int, j1: int, limit: np.ndarray) -> tu
                 least_i, most_i = min(least_i, i), max(most_i, i)
                 least_j, most_j = min(least_j, j), max(most_j, j)
     return least_i, most_i, least_j, most_j
-
-
-@kernel()
-def _draw_triangle(
-    q: np.ndarray,
-    triangles: np.ndarray,
-    t: int,
-    face: int,
-    window: tuple[int, int, int, int],
-    polygon: np.ndarray,
-    core: bool,
-    farthest: float,
-    deepest: np.ndarray,
-    limit: np.ndarray,
-) -> None:
-    """Raise `deepest` to triangle t's depth in the pixels of a window (i0, i1, j0, j1) that it touches.
-
-    Of a core's triangles in all pixels whose limit is not negative, and it becomes `farthest` where they cover the
-    centre. Of others in pixels with a positive limit.
-    """
-    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    i0, i1, j0, j1 = window
-    resolution = limit.shape[0]
-    n, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
-    if n == 0:
-        return
-    u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
-    for i in range(n):
-        u0 = min(u0, polygon[i, 0])
-        u1 = max(u1, polygon[i, 0])
-        v0 = min(v0, polygon[i, 1])
-        v1 = max(v1, polygon[i, 1])
-    slack = 1e-6
-    if u0 - slack > i1 + 1 or v0 - slack > j1 + 1 or u1 + slack < i0 or v1 + slack < j0:
-        return
-    plane, pa, pb, pc = inverse_depth_plane(q, a, b, c, face, resolution)
-    spread = 0.5 * (abs(pa) + abs(pb))
-    row0 = max(int(np.floor(v0 - slack)), j0) if v0 > j0 else j0
-    row1 = min(int(np.floor(v1 + slack)), j1) if v1 < j1 + 1 else j1
-    for j in range(row0, row1 + 1):
-        left, right = strip_extent(polygon, n, j - slack, j + 1.0 + slack)
-        if left > right or left - slack > i1 + 1 or right + slack < i0:
-            continue
-        first = max(int(np.floor(left - slack)), i0) if left > i0 else i0
-        last = min(int(np.floor(right + slack)), i1) if right < i1 + 1 else i1
-        middle_left, middle_right = strip_extent(polygon, n, j + 0.5, j + 0.5)
-        for i in range(first, last + 1):
-            if limit[j, i] < 0.0 or (limit[j, i] == 0.0 and not core):
-                continue
-            z = far
-            if plane:
-                w = pa * (i + 0.5) + pb * (j + 0.5) + pc - spread
-                if w * far > 1.0:
-                    z = 1.0 / w * (1.0 + 1e-9)
-            deepest[j, i] = max(deepest[j, i], z)
-            if core and middle_left <= i + 0.5 <= middle_right:
-                limit[j, i] = farthest

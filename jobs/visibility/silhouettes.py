@@ -41,7 +41,7 @@ def lower_limits(
     window: tuple[int, int, int, int],
     sweep: np.ndarray,
     rows: np.ndarray,
-    deepest: np.ndarray,
+    inverse: np.ndarray,
     limit: np.ndarray,
 ) -> bool:
     """Lower `limit` in the window to the depth from which on an unsafe edge spoils the pixel; 0 where that is useless.
@@ -51,8 +51,8 @@ def lower_limits(
         farthest: nothing is deeper.
         window: (i0, i1, j0, j1) pixels, both ends included.
         sweep: (4, 4) float64, rows: (r, 2) int32 scratch.
-        deepest: (r, r) float64 depth of the set in each pixel.
-        limit: (r, r) float64: where it is 0 pixels are of no interest.
+        inverse: (r, r or more) float32 one over the depth of the set in each pixel.
+        limit: (r, r or more) float32: where it is 0 pixels are of no interest.
 
     Returns:
         False where nothing is left.
@@ -62,7 +62,7 @@ def lower_limits(
     for k in range(n_unsafe):
         if alive == 0:
             return False
-        alive -= _lower(q, unsafe[k, 0], unsafe[k, 1], face, resolution, farthest, j0, j1, sweep, rows, deepest, limit)
+        alive -= _lower(q, unsafe[k, 0], unsafe[k, 1], face, resolution, farthest, j0, j1, sweep, rows, inverse, limit)
     return alive > 0
 
 
@@ -93,7 +93,7 @@ def _lower(
     j1: int,
     sweep: np.ndarray,
     rows: np.ndarray,
-    deepest: np.ndarray,
+    inverse: np.ndarray,
     limit: np.ndarray,
 ) -> int:
     """Lower the limits of the pixels in `rows` for one edge; returns how many pixels became useless."""
@@ -141,7 +141,7 @@ def _lower(
                     za, zb, limit[j, i],
                 )  # fmt: skip
                 if depth < limit[j, i]:
-                    if depth <= USEFUL * deepest[j, i]:
+                    if depth * inverse[j, i] <= USEFUL:
                         limit[j, i] = 0.0
                         useless += 1
                     else:

@@ -15,12 +15,12 @@ def limits_of(
     ends: np.ndarray, face: int, window: tuple[int, int, int, int] = (0, R - 1, 0, R - 1), farthest: float = np.inf
 ) -> np.ndarray:
     """The limits (r, r) of pixels of a face that one unsafe edge from ends[0] to ends[1] leaves; none is deeper."""
-    limit = np.zeros((R, R))
+    limit = np.zeros((R, R), np.float32)
     i0, i1, j0, j1 = window
     limit[j0 : j1 + 1, i0 : i1 + 1] = farthest
     lower_limits(
         ends, np.array([[0, 1]], np.int32), 1, face, R, farthest, window, np.empty((4, 4)), np.empty((R, 2), np.int32),
-        np.zeros((R, R)), limit,
+        np.full((R, R), np.inf, np.float32), limit,
     )  # fmt: skip
     return limit
 

@@ -175,7 +175,7 @@ def _find_set(
     stack[0] = 0
     waiting, begin, seeds = 1, work.epoch[1], 0
     while True:
-        c, waiting = next_bundle(scene, shaft.o, shaft.d, work.inverse[1], 1.0, stack, waiting)
+        c, waiting = next_bundle(scene, shaft.o, work.inverse[1], 1.0, stack, waiting)
         if c < 0:
             return 0
         beside = passes_beside(scene.corners, c, shaft.o, shaft.d, reach)

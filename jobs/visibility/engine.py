@@ -142,10 +142,9 @@ class Engine:
         self._work = closing_sets.make_work(len(soup.triangles))
         self._parts = undecided.make_parts()
         self._first = soup.cluster_start[soup.drawable_clusters]
-        self._scene = ray_tree.build_scene(
+        self._scene, self._tree = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
         )
-        self._ancestry = ray_tree.ancestry_of(self._scene)
 
     def on(self, soup: Soup) -> Engine:
         """An engine for other triangles that shares this one's images: use one of the two at a time."""
@@ -214,7 +213,7 @@ class Engine:
 
     def _standing(self, places: np.ndarray) -> ray_tree.Scene:
         """What rays may meet: drawables (s,), positions in the soup."""
-        return ray_tree.prune(self._scene, self._ancestry, places)
+        return ray_tree.prune(self._scene, self._tree, places)
 
     def _decide(
         self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, standing: ray_tree.Scene, proven: np.ndarray

@@ -4,11 +4,15 @@ The tree is built once for a soup. A cell prunes it to the drawables that stand 
 what cannot be seen. Leaves hold a *bundle*, a few neighbouring triangles of one cluster. Halves have equally many
 bundles, cut across the widest extent of their middles.
 
+Rays go down the tree three levels at a time: a *wide node* holds the boxes of the eight nodes there side by side, so
+that a ray is tried against all of them at once. Bundles come in the order in which the tree itself gives them.
+
 Everything is in grid units. Corners are integers of at most 24 bits, so differences of corners and the normals made of
 them are exact in float64; a corner seen from a ray's start is rounded once.
 
 Based on: the volumes that tell on which side of an edge a line passes, M. Shevtsov, A. Soupikov, A. Kapustin:
-Ray-Triangle Intersection Algorithm for Modern CPU Architectures, GraphiCon 2007 (after Plücker).
+Ray-Triangle Intersection Algorithm for Modern CPU Architectures, GraphiCon 2007 (after Plücker); nodes of many boxes,
+I. Wald, C. Benthin, S. Boulos: Getting Rid of Packets, Interactive Ray Tracing 2008.
 """
 
 from __future__ import annotations
@@ -27,21 +31,23 @@ GROWN = 0.5
 MARGIN = 1e-12
 #: What lies this near what is looked at, as a part of the ray, is in the same place: either of the two is drawn there.
 SAME = 1e-9
+#: Levels of the tree that a wide node stands for, and the boxes that it holds.
+LEVELS = 3
+WIDE = 1 << LEVELS
 #: Most triangles in a bundle.
 BUNDLE = 8
 #: What stands between the two ends of a segment: see `meets`.
 APART, PERHAPS, SURELY = 0, 1, 2
-#: Nodes that can wait at once: a tree of n leaves is at most log2(n) + 1 deep.
-STACK = 64
+#: Nodes that can wait at once: a tree of n leaves is at most log2(n) + 1 deep, and a wide node leaves seven waiting.
+STACK = 96
 
 
 class Scene(NamedTuple):
-    """The triangles of a soup below a tree of boxes; nodes in preorder, a node's left child right after it."""
+    """The triangles of a soup below a tree of boxes; wide nodes in preorder."""
 
-    box: np.ndarray  # (nodes, 2, 3) float64 lower and upper corners, grown
-    right: np.ndarray  # (nodes,) int32 right child; 0 at leaves
-    bundle: np.ndarray  # (nodes,) int32 bundle of a leaf; -1 at inner nodes
-    axis: np.ndarray  # (nodes,) int8 that the node is cut across
+    slab: np.ndarray  # (wide, 6, WIDE) float32 three lower bounds, then three upper ones; nothing enters an empty one
+    child: np.ndarray  # (wide, WIDE) int32 what is in the boxes: a wide node, or ~ a bundle
+    order: np.ndarray  # (wide, 8) int32 for each octant of directions: the boxes from far to near, 3 bits each
     vertices: np.ndarray  # (n, 3) int32
     triangles: np.ndarray  # (m, 3) int32
     bundle_start: np.ndarray  # (b + 1,) int32 offsets into the triangles
@@ -50,9 +56,13 @@ class Scene(NamedTuple):
     corners: np.ndarray  # (b, 9, BUNDLE) float32 each bundle's triangles side by side, the last one repeated
 
 
-class Ancestry(NamedTuple):
-    """How to get from drawables up to the root of a soup's tree."""
+class Tree(NamedTuple):
+    """A soup's tree, and how to get up to its root; nodes in preorder, a node's left child right after it."""
 
+    box: np.ndarray  # (nodes, 2, 3) float64 lower and upper corners, grown
+    right: np.ndarray  # (nodes,) int32 right child; 0 at leaves
+    bundle: np.ndarray  # (nodes,) int32 bundle of a leaf; -1 at inner nodes
+    axis: np.ndarray  # (nodes,) int8 that the node is cut across
     parent: np.ndarray  # (nodes,) int32; -1 at the root
     leaf: np.ndarray  # (b,) int32 the node of each bundle
     first_bundle: np.ndarray  # (drawables + 1,) int32 offsets of the drawables' bundles
@@ -65,8 +75,8 @@ def build_scene(
     triangle_drawable: np.ndarray,
     one_sided: np.ndarray,
     cluster_start: np.ndarray,
-) -> Scene:
-    """The tree over the triangles of a soup.
+) -> tuple[Scene, Tree]:
+    """The triangles of a soup, and the tree over them.
 
     Args:
         vertices, triangles, triangle_drawable, one_sided: as in `Scene`.
@@ -85,34 +95,80 @@ def build_scene(
         hi = np.maximum.reduceat(corners.max(axis=1), start[:-1], axis=0).astype(np.float64)
     else:
         lo = hi = np.zeros((0, 3))
-    return Scene(*build_tree(lo, hi), vertices, triangles, start, triangle_drawable, one_sided, side_by_side)
+    nodes = build_tree(lo, hi)
+    scene = Scene(*widen(*nodes), vertices, triangles, start, triangle_drawable, one_sided, side_by_side)
+    return scene, _tree(scene, *nodes)
 
 
-def ancestry_of(scene: Scene) -> Ancestry:
-    """The ancestry of a soup's tree, before anything is pruned."""
-    nodes = len(scene.right)
-    inner = np.flatnonzero(scene.bundle < 0)
-    parent = np.full(nodes, -1, np.int32)
+def _tree(scene: Scene, box: np.ndarray, right: np.ndarray, bundle: np.ndarray, axis: np.ndarray) -> Tree:
+    """See `Tree`; scene: its slabs are not looked at."""
+    inner = np.flatnonzero(bundle < 0)
+    parent = np.full(len(right), -1, np.int32)
     parent[inner + 1] = inner
-    parent[scene.right[inner]] = inner
+    parent[right[inner]] = inner
     leaf = np.empty(len(scene.bundle_start) - 1, np.int32)
-    leaves = np.flatnonzero(scene.bundle >= 0)
-    leaf[scene.bundle[leaves]] = leaves
+    leaves = np.flatnonzero(bundle >= 0)
+    leaf[bundle[leaves]] = leaves
     owner = scene.triangle_drawable[scene.bundle_start[:-1]]
     first = np.searchsorted(owner, np.arange(len(scene.one_sided) + 1)).astype(np.int32)
-    return Ancestry(parent, leaf, first, np.zeros(nodes, np.bool_))
+    return Tree(box, right, bundle, axis, parent, leaf, first, np.zeros(len(right), np.bool_))
 
 
-def prune(scene: Scene, ancestry: Ancestry, standing: np.ndarray) -> Scene:
+def prune(scene: Scene, tree: Tree, standing: np.ndarray) -> Scene:
     """The same triangles below a tree of some drawables alone, whose boxes hold these alone.
 
     standing: (s,) int64 drawables.
     """
-    box, right, bundle, axis = prune_tree(
-        scene.box, scene.right, scene.bundle, scene.axis, ancestry.parent, ancestry.leaf, ancestry.first_bundle,
-        ancestry.kept, standing,
-    )  # fmt: skip
-    return scene._replace(box=box, right=right, bundle=bundle, axis=axis)
+    slab, child, order = widen(*prune_tree(*tree, standing))
+    return scene._replace(slab=slab, child=child, order=order)
+
+
+@allocating_kernel()
+def widen(
+    box: np.ndarray, right: np.ndarray, bundle: np.ndarray, axis: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A tree's wide nodes: slab, child and order as in `Scene`. Args: see `Tree`.
+
+    Bounds are rounded outward to integers, which float32 holds exactly, so that no ray that meets a box misses it here.
+    Where the tree ends above a wide node's last level, its leaf is in the first of the boxes that it stands for.
+    """
+    nodes = len(right)
+    row = np.full(nodes, -1, np.int32)
+    level = np.zeros(nodes, np.int8)
+    count = 0
+    for node in range(nodes):
+        if level[node] == 0 and (bundle[node] < 0 or node == 0):
+            row[node] = count
+            count += 1
+        if bundle[node] < 0:
+            level[node + 1] = level[right[node]] = (level[node] + 1) % LEVELS
+    slab = np.empty((count, 6, WIDE), np.float32)
+    child = np.zeros((count, WIDE), np.int32)
+    order = np.zeros((count, 8), np.int32)
+    for top in range(nodes):
+        w = row[top]
+        if w < 0:
+            continue
+        for octant in range(8):
+            for place in range(WIDE):
+                node, slot, first = top, 0, True
+                for shift in range(LEVELS - 1, -1, -1):
+                    side = place >> shift & 1
+                    if bundle[node] < 0:
+                        side ^= octant >> int(axis[node]) & 1
+                        node = right[node] if side else node + 1
+                    else:
+                        first &= not side
+                    slot = 2 * slot + side
+                order[w, octant] |= slot << (3 * (WIDE - 1 - place))
+                if octant:
+                    continue
+                for k in range(3):
+                    slab[w, k, slot] = np.floor(box[node, 0, k]) if first else np.inf
+                    slab[w, 3 + k, slot] = np.ceil(box[node, 1, k]) if first else -np.inf
+                if first:
+                    child[w, slot] = ~bundle[node] if bundle[node] >= 0 else row[node]
+    return slab, child, order
 
 
 @allocating_kernel()
@@ -120,7 +176,7 @@ def prune_tree(
     box: np.ndarray, right: np.ndarray, bundle: np.ndarray, axis: np.ndarray, parent: np.ndarray, leaf: np.ndarray,
     first_bundle: np.ndarray, kept: np.ndarray, standing: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """The part of a tree above some drawables' bundles: box, right, bundle and axis. Args: see `Scene`, `Ancestry`."""
+    """The part of a tree above some drawables' bundles: box, right, bundle and axis. Args: see `Tree`."""
     count = 0
     for drawable in standing:
         for b in range(first_bundle[drawable], first_bundle[drawable + 1]):
@@ -170,7 +226,7 @@ def prune_tree(
 
 @allocating_kernel()
 def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The tree over boxes lo, hi (k, 3) float64: box, right, bundle and axis as in `Scene`."""
+    """The tree over boxes lo, hi (k, 3) float64: box, right, bundle and axis as in `Tree`."""
     k = len(lo)
     nodes = max(2 * k - 1, 0)
     box = np.empty((nodes, 2, 3), np.float64)
@@ -214,21 +270,9 @@ def build_tree(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
 
 @kernel()
 def inverse(d: np.ndarray, over: np.ndarray) -> None:
-    """One over each part of a direction d (3,) into `over`; finite where a part is 0."""
+    """One over each part of a direction d (3,) into `over`, with its sign; finite where a part is 0."""
     for k in range(3):
-        over[k] = 1.0 / d[k] if abs(d[k]) > 1e-200 else 1e200
-
-
-@kernel(inline="always")
-def enters(box: np.ndarray, node: int, o: np.ndarray, over: np.ndarray, limit: float) -> bool:
-    """Whether a ray from o meets a node's box between its start and `limit` ray lengths."""
-    near, far = 0.0, limit
-    for k in range(3):
-        a = (box[node, 0, k] - o[k]) * over[k]
-        b = (box[node, 1, k] - o[k]) * over[k]
-        near = max(near, min(a, b))
-        far = min(far, max(a, b))
-    return near <= far
+        over[k] = 1.0 / d[k] if abs(d[k]) > 1e-200 else (-1e200 if d[k] < 0 else 1e200)
 
 
 @kernel(inline="always")
@@ -246,32 +290,52 @@ def edge_volumes(
     )
 
 
-@kernel()
+@kernel(inline="always")
+def _entered(slab: np.ndarray, node: int, o: np.ndarray, over: np.ndarray, limit: float) -> int:
+    """Which of a wide node's boxes a ray from o meets between its start and `limit` ray lengths: a bit for each.
+
+    Without branches, and over a length that the compiler does not know, or it would not work them out side by side.
+    """
+    x, y, z = (3 if over[0] < 0 else 0), (4 if over[1] < 0 else 1), (5 if over[2] < 0 else 2)
+    ox, oy, oz = o[0], o[1], o[2]
+    vx, vy, vz = over[0], over[1], over[2]
+    mask = 0
+    for k in range(slab.shape[2]):
+        near = _larger((slab[node, x, k] - ox) * vx, (slab[node, y, k] - oy) * vy)
+        near = _larger(near, _larger((slab[node, z, k] - oz) * vz, 0.0))
+        far = _smaller((slab[node, 3 - x, k] - ox) * vx, (slab[node, 5 - y, k] - oy) * vy)
+        far = _smaller(far, _smaller((slab[node, 7 - z, k] - oz) * vz, limit))
+        mask |= (1 << k) if near <= far else 0
+    return mask
+
+
+@kernel(inline="always")
 def next_bundle(
-    scene: Scene, o: np.ndarray, d: np.ndarray, over: np.ndarray, limit: float, stack: np.ndarray, count: int
+    scene: Scene, o: np.ndarray, over: np.ndarray, limit: float, stack: np.ndarray, count: int
 ) -> tuple[int, int]:
     """The next bundle whose box a ray enters before `limit` ray lengths, about from near to far; -1: no more.
 
     Args:
-        o, d: (3,) float64 start and direction of the ray; over: (3,) float64, see `inverse`.
-        stack: (STACK,) int32 the nodes that are still to visit, `count` of them: node 0 at first.
+        o: (3,) float64 where the ray starts; over: (3,) float64 one over its direction, see `inverse`.
+        limit: may become less from call to call; what waits already is not tried again.
+        stack: (STACK,) int32 what is still to visit, as in `Scene.child`, `count` of it: node 0 at first.
 
     Returns:
-        (the bundle, the nodes that are left).
+        (the bundle, how much is left).
     """
+    octant = (1 if over[0] < 0 else 0) | (2 if over[1] < 0 else 0) | (4 if over[2] < 0 else 0)
     while count:
         count -= 1
         node = stack[count]
-        if not enters(scene.box, node, o, over, limit):
-            continue
-        if scene.bundle[node] >= 0:
-            return scene.bundle[node], count
-        near, far = node + 1, scene.right[node]
-        if d[scene.axis[node]] < 0:
-            near, far = far, near
-        stack[count] = far
-        stack[count + 1] = near
-        count += 2
+        if node < 0:
+            return ~node, count
+        entered = _entered(scene.slab, node, o, over, limit)
+        order = scene.order[node, octant]
+        for _ in range(WIDE):
+            slot = order & (WIDE - 1)
+            order >>= LEVELS
+            stack[count] = scene.child[node, slot]
+            count += entered >> slot & 1
     return -1, 0
 
 
@@ -311,6 +375,12 @@ def passes_beside(corners: np.ndarray, c: int, o: np.ndarray, d: np.ndarray, rea
 def _larger(a: float, b: float) -> float:
     """The larger of two numbers: unlike `max`, one instruction, which works on many side by side."""
     return a if a > b else b
+
+
+@kernel(inline="always")
+def _smaller(a: float, b: float) -> float:
+    """The smaller of two numbers, as `_larger`."""
+    return a if a < b else b
 
 
 @kernel()
@@ -381,9 +451,9 @@ def find_blocker(
     """
     inverse(d, work)
     stack[0] = 0
-    count = min(len(scene.right), 1)
+    count = min(len(scene.child), 1)
     while True:
-        c, count = next_bundle(scene, o, d, work, 1.0 + SAME, stack, count)
+        c, count = next_bundle(scene, o, work, 1.0 + SAME, stack, count)
         if c < 0:
             return -1
         drawable = scene.triangle_drawable[scene.bundle_start[c]]
@@ -406,9 +476,9 @@ def find_first(scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, sta
     found, nearest = -1, np.inf
     inverse(d, work)
     stack[0] = 0
-    count = min(len(scene.right), 1)
+    count = min(len(scene.child), 1)
     while True:
-        c, count = next_bundle(scene, o, d, work, nearest, stack, count)
+        c, count = next_bundle(scene, o, work, nearest, stack, count)
         if c < 0:
             return found, nearest
         drawable = scene.triangle_drawable[scene.bundle_start[c]]

@@ -170,7 +170,7 @@ def _look(
     stack[0] = 0
     waiting, free, seeds = 1, True, 0
     while True:
-        c, waiting = next_bundle(scene, o, d, work.inverse[0], 1.0 + SAME, stack, waiting)
+        c, waiting = next_bundle(scene, o, work.inverse[0], 1.0 + SAME, stack, waiting)
         if c < 0:
             break
         its = scene.triangle_drawable[scene.bundle_start[c]]

@@ -17,10 +17,14 @@ from .nasty import nasty_scene
 from .scenes import box, rooms, sheet, soup_of
 
 
-def scene_of(soup: Soup) -> ray_tree.Scene:
+def scene_and_tree(soup: Soup) -> tuple[ray_tree.Scene, ray_tree.Tree]:
     return ray_tree.build_scene(
         soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
     )
+
+
+def scene_of(soup: Soup) -> ray_tree.Scene:
+    return scene_and_tree(soup)[0]
 
 
 def look(soup: Soup, scene: ray_tree.Scene, t: int, wa: float, wb: float, o: np.ndarray) -> int:
@@ -139,9 +143,9 @@ def test_the_first_hit_is_the_nearest_of_all_triangles(seed: int) -> None:
     rng = np.random.default_rng(seed)
     attack = nasty_scene(rng)
     soup = soup_of(attack.meshes, attack.one_sided, attack.cluster_size)
-    scene = scene_of(soup)
+    scene, tree = scene_and_tree(soup)
     standing = rng.random(len(soup.drawables)) < 0.8
-    pruned = ray_tree.prune(scene, ray_tree.ancestry_of(scene), np.flatnonzero(standing))
+    pruned = ray_tree.prune(scene, tree, np.flatnonzero(standing))
     corners = soup.vertices[soup.triangles].astype(np.float64)
     over, stack = np.empty(3), np.empty(ray_tree.STACK, np.int32)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -183,20 +187,53 @@ def test_the_tree_holds_every_box_once(boxes: int) -> None:
 def test_a_pruned_tree_holds_what_stands_once_and_nothing_of_the_last_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     soup = soup_of(rooms(rng, 3))
-    scene = scene_of(soup)
-    ancestry = ray_tree.ancestry_of(scene)
+    scene, tree = scene_and_tree(soup)
     owner = soup.triangle_drawable[scene.bundle_start[:-1]]
     for part in (0.0, 0.02, 0.5, 1.0, 0.1):
         standing = np.flatnonzero(rng.random(len(soup.drawables)) < part)
-        pruned = ray_tree.prune(scene, ancestry, standing)
-        assert sorted(pruned.bundle[pruned.bundle >= 0]) == np.flatnonzero(np.isin(owner, standing)).tolist()
-        for node in np.flatnonzero(pruned.bundle < 0):
-            below = pruned.box[[node + 1, pruned.right[node]]]
-            assert (pruned.box[node, 0] == below[:, 0].min(axis=0)).all()
-            assert (pruned.box[node, 1] == below[:, 1].max(axis=0)).all()
-        for node in np.flatnonzero(pruned.bundle >= 0):
-            assert (pruned.box[node] == scene.box[ancestry.leaf[pruned.bundle[node]]]).all()
-        assert not ancestry.kept.any()
+        box, right, bundle, _ = ray_tree.prune_tree(*tree, standing)
+        assert sorted(bundle[bundle >= 0]) == np.flatnonzero(np.isin(owner, standing)).tolist()
+        for node in np.flatnonzero(bundle < 0):
+            below = box[[node + 1, right[node]]]
+            assert (box[node, 0] == below[:, 0].min(axis=0)).all()
+            assert (box[node, 1] == below[:, 1].max(axis=0)).all()
+        for node in np.flatnonzero(bundle >= 0):
+            assert (box[node] == tree.box[tree.leaf[bundle[node]]]).all()
+        assert not tree.kept.any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wide_nodes_give_the_bundles_that_the_tree_gives_and_in_its_order(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    soup = soup_of(rooms(rng, 3))
+    scene, tree = scene_and_tree(soup)
+    over, stack = np.empty(3), np.empty(ray_tree.STACK, np.int32)
+    for part in (0.01, 0.02, 0.1, 0.5, 1.0):
+        standing = np.flatnonzero(rng.random(len(soup.drawables)) < part)
+        pruned = ray_tree.prune(scene, tree, standing)
+        box, right, bundle, axis = ray_tree.prune_tree(*tree, standing)
+        for _ in range(20):
+            o = rng.uniform(soup.vertices.min(axis=0), soup.vertices.max(axis=0))
+            d = rng.normal(size=3) * rng.choice([0.0, 1.0, 1e4], 3)
+            ray_tree.inverse(d, over)
+            expected = []
+            nodes = [0][: len(right)]
+            while nodes:
+                node = nodes.pop()
+                planes = (np.stack([np.floor(box[node, 0]), np.ceil(box[node, 1])]) - o) * over
+                if max(planes.min(axis=0).max(), 0.0) > min(planes.max(axis=0).min(), 1.0):
+                    continue
+                if bundle[node] >= 0:
+                    expected.append(bundle[node])
+                else:
+                    nodes += [node + 1, right[node]] if d[axis[node]] < 0 else [right[node], node + 1]
+            stack[0] = 0
+            found = []
+            c, count = ray_tree.next_bundle(pruned, o, over, 1.0, stack, min(len(pruned.child), 1))
+            while c >= 0:
+                found.append(c)
+                c, count = ray_tree.next_bundle(pruned, o, over, 1.0, stack, count)
+            assert found == expected
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -117,10 +117,10 @@ def test_item_buffers_show_what_rays_through_their_pixels_meet(seed: int) -> Non
     eye = rng.uniform(-1, 1, 3)
     triangle, pixel = np.empty(len(drawn), np.int32), np.empty(len(drawn), np.int32)
     item_buffer.see(looked, clusters, drawn, eye, R, triangle, pixel)
-    scene = ray_tree.build_scene(
+    scene, tree = ray_tree.build_scene(
         soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
     )
-    scene = ray_tree.prune(scene, ray_tree.ancestry_of(scene), np.flatnonzero(drawn))
+    scene = ray_tree.prune(scene, tree, np.flatnonzero(drawn))
     work, stack = np.empty(3), np.empty(ray_tree.STACK, np.int32)
     met = np.full(6 * R * R, -1)
     for at in range(len(met)):

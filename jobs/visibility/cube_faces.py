@@ -175,7 +175,7 @@ def strip_extent(polygon: np.ndarray, n: int, v0: float, v1: float) -> tuple[flo
     return least, most
 
 
-@kernel()
+@kernel(inline="always")
 def inverse_depth_plane(
     q: np.ndarray, i0: int, i1: int, i2: int, face: int, resolution: int
 ) -> tuple[bool, float, float, float]:

@@ -152,7 +152,7 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
     The result is in the order of the level's triangles as given, not of its surface.
     """
     m = len(level.triangles)
-    stack = np.empty(128, np.int32)
+    query = np.empty(128, np.int32)
     colours = np.empty((3 * m, 4), np.uint8)
     hint = 0
     for s in range(m):
@@ -165,7 +165,7 @@ def sampled_colours(level: Surface, finest: Surface, finest_colours: np.ndarray)
                     centre += level.points[level.triangles[s, k], i]
                 own = level.points[level.triangles[s, e], i]
                 p[i] = own + INSET * (centre / 3.0 - own)
-            hint, _ = closest(finest.corners, finest.box, finest.child, stack, p[0], p[1], p[2], hint, 0.0)
+            hint, _ = closest(finest.tree, query, p[0], p[1], p[2], hint, 0.0)
             _, v, w = closest_weights(finest.corners, hint, p[0], p[1], p[2])
             f = 3 * finest.source[hint]
             for i in range(4):

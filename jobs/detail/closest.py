@@ -1,9 +1,11 @@
 """The closest triangle to a point: a bounding volume hierarchy over one piece's triangles.
 
-Every distance given out is the distance to a point that lies on the triangle, so it is an upper bound of the true
-distance whatever rounding did to the choice of that point; that is what the certified error rests on.
+Distances are measured in a frame of the triangle's own, where it lies in a plane, without branches and divisions.
+Frames are right to FLAT of the triangle's size, however thin it is (see `frames`), and distances to that and a few
+2^-52 of how far the point is from the triangle's corners.
 
-Based on: Christer Ericson, Real-Time Collision Detection, 2005, section 5.1.5 (closest point on a triangle).
+Based on: M. W. Jones, 3D Distance from a Point to a Triangle, University of Wales Swansea CSR-5-95, 1995 (in the
+triangle's plane); Christer Ericson, Real-Time Collision Detection, 2005, section 5.1.5 (closest point on a triangle).
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.objects.weld import twins
 from storage.kernels import allocating_kernel, kernel
 
 #: A triangle whose squared sine between two edges is below this is a needle: rounding spoils its inside.
@@ -20,7 +21,19 @@ NEEDLE = 1e-10
 #: How much farther from a triangle's inside a point may be than from its edges' inner sides: see `prisms`.
 SLIM = 200.0
 #: Triangles in a leaf of the hierarchy.
-LEAF = 4
+LEAF = 8
+#: A triangle's corner that is no farther than this part of the triangle's size from its longest edge lies on it.
+FLAT = 2.0**-45
+#: Numbers of a triangle's frame.
+FRAME = 20
+
+
+class Tree(NamedTuple):
+    """A hierarchy of boxes over a surface's triangles."""
+
+    frames: np.ndarray  # (m, FRAME) float64: what distances to triangles are measured by, see `frames`
+    box: np.ndarray  # (k, 6) float64: lo, hi of each node, the root first
+    child: np.ndarray  # (k, 2) int32: the right child (the left one is the next node) and 0; or first triangle, count
 
 
 class Surface(NamedTuple):
@@ -32,8 +45,7 @@ class Surface(NamedTuple):
     twin: np.ndarray  # (3 m,) int32: the half-edge on the other side of each, negative where there is not just one
     corners: np.ndarray  # (m, 9) float64: first corner, and the edges from it to the second and the third
     planes: np.ndarray  # (m, 4, 4) float64: the planes of the triangle's prism, see `prisms`
-    box: np.ndarray  # (k, 6) float64: lo, hi of each node, the root first
-    child: np.ndarray  # (k, 2) int32: the right child (the left one is the next node) and 0; or first triangle, count
+    tree: Tree
 
 
 @kernel()
@@ -109,39 +121,64 @@ def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -
     return dx * dx + dy * dy + dz * dz, v, w
 
 
-@kernel()
-def distance2(corners: np.ndarray, k: int, x: float, y: float, z: float) -> float:
-    """Squared distance of a point to triangle k of corners (m, 9)."""
-    return closest_weights(corners, k, x, y, z)[0]
+@kernel(inline="always")
+def distance2(frames: np.ndarray, k: int, x: float, y: float, z: float) -> float:
+    """Squared distance of a point to triangle k of frames (m, FRAME)."""
+    x, y, z = x - frames[k, 0], y - frames[k, 1], z - frames[k, 2]
+    height = x * frames[k, 3] + y * frames[k, 4] + z * frames[k, 5]
+    u = x * frames[k, 6] + y * frames[k, 7] + z * frames[k, 8]
+    v = x * frames[k, 9] + y * frames[k, 10] + z * frames[k, 11]
+    base = frames[k, 12]
+    s = u if u > 0.0 else 0.0
+    s = s if s < base else base
+    du = u - s
+    best2 = du * du + v * v
+    fu, fv, length = frames[k, 13], frames[k, 14], frames[k, 15]
+    inside = (v > 0.0) & (fu * v < fv * u)
+    s = u * fu + v * fv
+    s = s if s > 0.0 else 0.0
+    s = s if s < length else length
+    du, dv = u - s * fu, v - s * fv
+    d2 = du * du + dv * dv
+    best2 = best2 if best2 < d2 else d2
+    u -= base
+    fu, fv, length = frames[k, 16], frames[k, 17], frames[k, 18]
+    inside &= fu * v > fv * u
+    s = u * fu + v * fv
+    s = s if s > 0.0 else 0.0
+    s = s if s < length else length
+    du, dv = u - s * fu, v - s * fv
+    d2 = du * du + dv * dv
+    best2 = best2 if best2 < d2 else d2
+    best2 = 0.0 if inside else best2
+    return best2 + height * height
 
 
 @kernel()
 def box_distance2(box: np.ndarray, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to a node's box."""
-    dx = max(box[node, 0] - x, x - box[node, 3], 0.0)
-    dy = max(box[node, 1] - y, y - box[node, 4], 0.0)
-    dz = max(box[node, 2] - z, z - box[node, 5], 0.0)
+    lx, ly, lz = box[node, 0] - x, box[node, 1] - y, box[node, 2] - z
+    hx, hy, hz = x - box[node, 3], y - box[node, 4], z - box[node, 5]
+    dx = lx if lx > hx else hx
+    dy = ly if ly > hy else hy
+    dz = lz if lz > hz else hz
+    dx = dx if dx > 0.0 else 0.0
+    dy = dy if dy > 0.0 else 0.0
+    dz = dz if dz > 0.0 else 0.0
     return dx * dx + dy * dy + dz * dz
 
 
 @kernel()
 def closest(
-    corners: np.ndarray,
-    box: np.ndarray,
-    child: np.ndarray,
-    stack: np.ndarray,
-    x: float,
-    y: float,
-    z: float,
-    hint: int,
-    enough2: float,
+    tree: Tree, stack: np.ndarray, x: float, y: float, z: float, hint: int, enough2: float
 ) -> tuple[int, float]:
     """The closest triangle and its squared distance; `hint` is a triangle that may be near, `stack` (128,) int32.
 
     The first one found that is within the squared distance enough2 will do as well; 0 where it must be the closest.
     """
+    frames, box, child = tree.frames, tree.box, tree.child
     best = hint
-    best2 = distance2(corners, hint, x, y, z)
+    best2 = distance2(frames, hint, x, y, z)
     top = 0
     node = 0
     if best2 <= enough2 or box_distance2(box, 0, x, y, z) >= best2:
@@ -151,7 +188,7 @@ def closest(
         if count > 0:
             first = child[node, 0]
             for k in range(first, first + count):
-                d2 = distance2(corners, k, x, y, z)
+                d2 = distance2(frames, k, x, y, z)
                 if d2 < best2:
                     best2 = d2
                     best = k
@@ -241,8 +278,66 @@ def prisms(corners: np.ndarray) -> np.ndarray:
 
 
 @allocating_kernel()
-def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
-    """The hierarchy over triangles (m, 3) int32, m > 0, with vertices points (n, 3) float64: median splits."""
+def frames(corners: np.ndarray) -> np.ndarray:
+    """Frames (m, FRAME) of triangles with corners (m, 9): how `distance2` sees them.
+
+    The longest edge goes from the origin to (base, 0) in the plane, the third corner is above it. A row has: the corner
+    at the origin; unit vectors across the plane, along the longest edge, and away from it; base; and for each of the
+    other two edges, from the origin and from (base, 0) on, its direction and its length.
+
+    The vector away from the longest edge is what the third corner has beside that edge. Rounding spoils it by a few
+    2^-52 of the triangle's size, in all directions; it is made square to the edge once more, which takes no more than
+    that from the corner. Where it is not much longer than that, any vector square to the edge will do, and the corner
+    counts as on the edge. So the third corner is where the frame says, to FLAT of the triangle's size.
+    """
+    made = np.zeros((len(corners), FRAME))
+    for k in range(len(corners)):
+        ax, ay, az = corners[k, 0], corners[k, 1], corners[k, 2]
+        ex, ey, ez = corners[k, 3], corners[k, 4], corners[k, 5]
+        fx, fy, fz = corners[k, 6], corners[k, 7], corners[k, 8]
+        ee, ff = ex * ex + ey * ey + ez * ez, fx * fx + fy * fy + fz * fz
+        gg = (fx - ex) ** 2 + (fy - ey) ** 2 + (fz - ez) ** 2
+        if gg > ee and gg > ff:  # from the second corner to the third
+            ax, ay, az = ax + ex, ay + ey, az + ez
+            ex, ey, ez, fx, fy, fz = fx - ex, fy - ey, fz - ez, -ex, -ey, -ez
+        elif ff > ee:
+            ex, ey, ez, fx, fy, fz = fx, fy, fz, ex, ey, ez
+        base = np.sqrt(ex * ex + ey * ey + ez * ez)
+        ux, uy, uz = (ex / base, ey / base, ez / base) if base > 0.0 else (1.0, 0.0, 0.0)
+        along = fx * ux + fy * uy + fz * uz
+        vx, vy, vz = fx - along * ux, fy - along * uy, fz - along * uz
+        length = np.sqrt(vx * vx + vy * vy + vz * vz)
+        flat = length <= FLAT * (abs(fx) + abs(fy) + abs(fz))
+        if flat:
+            vx, vy, vz = (0.0, 1.0, 0.0) if abs(ux) > abs(uy) else (1.0, 0.0, 0.0)
+            length = 1.0
+        for _ in range(2):
+            vx, vy, vz = vx / length, vy / length, vz / length
+            off = vx * ux + vy * uy + vz * uz
+            vx, vy, vz = vx - off * ux, vy - off * uy, vz - off * uz
+            length = np.sqrt(vx * vx + vy * vy + vz * vz)
+        vx, vy, vz = vx / length, vy / length, vz / length
+        cu, cv = along, 0.0 if flat else fx * vx + fy * vy + fz * vz
+        row = made[k]
+        row[0], row[1], row[2] = ax, ay, az
+        row[3], row[4], row[5] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        row[6], row[7], row[8] = ux, uy, uz
+        row[9], row[10], row[11] = vx, vy, vz
+        row[12] = base
+        for at in (13, 16):
+            length = np.sqrt(cu * cu + cv * cv)
+            if length > 0.0:
+                row[at], row[at + 1], row[at + 2] = cu / length, cv / length, length
+            cu -= base
+    return made
+
+
+@allocating_kernel()
+def make_surface(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray) -> Surface:
+    """The hierarchy over triangles (m, 3) int32, m > 0, with vertices points (n, 3) float64: median splits.
+
+    twin (3 m,) int32: see `jobs.objects.weld.twins`.
+    """
     m = len(triangles)
     centre = np.empty((3, m))
     for t in range(m):
@@ -301,6 +396,20 @@ def make_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
             corners[s, i] = a
             corners[s, 3 + i] = points[triangles[t, 1], i] - a
             corners[s, 6 + i] = points[triangles[t, 2], i] - a
-    return Surface(
-        points, ordered, order, twins(ordered), corners, prisms(corners), box[:nodes].copy(), child[:nodes].copy()
-    )
+    tree = Tree(frames(corners), box[:nodes].copy(), child[:nodes].copy())
+    return Surface(points, ordered, order, _moved(twin, order), corners, prisms(corners), tree)
+
+
+@allocating_kernel()
+def _moved(twin: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Twins (3 m,) int32 of the half-edges of triangles that come in another order (m,) int32."""
+    m = len(order)
+    where = np.empty(m, np.int32)
+    for s in range(m):
+        where[order[s]] = s
+    moved = np.empty(3 * m, np.int32)
+    for s in range(m):
+        for e in range(3):
+            h = twin[3 * order[s] + e]
+            moved[3 * s + e] = h if h < 0 else 3 * where[h // 3] + h % 3
+    return moved

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.closest import distance2
+from jobs.detail.closest import closest_weights
 from jobs.objects.weld import OPEN
 from storage.kernels import allocating_kernel, kernel
 
@@ -359,9 +359,9 @@ def _true_error(state: State, u: int, v: int, x: float, y: float, z: float, at: 
             at[0, 3], at[0, 4], at[0, 5] = -nx, -ny, -nz
             at[0, 6], at[0, 7], at[0, 8] = fx - nx, fy - ny, fz - nz
             if not still_u and near_u > 0.0:
-                near_u = min(near_u, distance2(at, 0, p[u, 0], p[u, 1], p[u, 2]))
+                near_u = min(near_u, closest_weights(at, 0, p[u, 0], p[u, 1], p[u, 2])[0])
             if not still_v and near_v > 0.0:
-                near_v = min(near_v, distance2(at, 0, p[v, 0], p[v, 1], p[v, 2]))
+                near_v = min(near_v, closest_weights(at, 0, p[v, 0], p[v, 1], p[v, 2])[0])
     if rest == 0:
         return np.sqrt(max(beyond_u, beyond_v)), apart
     return np.sqrt(max(0.0 if still_u else near_u, 0.0 if still_v else near_v, bare)), apart
@@ -405,10 +405,15 @@ def _beyond(state: State, a: int, u: int, v: int) -> tuple[bool, bool]:
 @allocating_kernel()
 def collapse(state: State, target: int, limit: float) -> None:
     """Collapse edges until at most `target` triangles are left, or the next error is above `limit` (grid steps)."""
+    _collapse(state, target, limit, np.empty((1, 9)))
+
+
+@kernel()
+def _collapse(state: State, target: int, limit: float, at: np.ndarray) -> None:
+    """See `collapse`; at: (1, 9) float64 scratch space."""
     heap, edge, p = state.heap, state.heap_edge, state.positions
     version, triangles, alive = state.version, state.triangles, state.alive
     quadrics, locked = state.quadrics, state.locked
-    at = np.empty((1, 9))
     while state.counts[_LEFT] > target and state.counts[_HEAP] > 0:
         cost = heap[0]
         if cost > limit:

@@ -2,53 +2,63 @@
 
 The distance to one triangle K is convex, so over a convex polygon P it is largest in a corner of P: the largest corner
 distance to any single K bounds how far P lies from the whole mesh. Triangles for which the best K near their corners
-gives a bound above `slack` times the running lower bound (the largest distance found for any point) are parted, first
-into pieces no larger than the triangles they face, then along the edges of the triangle they face, and tried again:
-branch and bound. Cut along those edges, a piece lies above the inside of K, and its bound is its height above K. No
-point of a piece is farther from the mesh than its centre is, and the way from there: that settles small pieces.
+gives a bound above `slack` times the running lower bound (the largest distance found for any point) are bounded by what
+covers them (`cover`), and those that nothing does are parted and tried again (`parting`).
 
 Any partition gives a valid bound; choosing it well only makes it tight. Rounding enters only through the coordinates
-of the cut points and of the closest points, about 1e-15 of the mesh's size; callers add a margin for it.
+of the cut points and of the closest points, less than 1e-13 of the meshes' size; callers add a margin for it.
 
 Based on: N. Aspert, D. Santa-Cruz, T. Ebrahimi, MESH: Measuring errors between surfaces using the Hausdorff distance,
 ICME 2002 (sampling, without bounds); M. Tang, M. Lee, Y. J. Kim, Interactive Hausdorff distance computation for general
-polygonal models, SIGGRAPH 2009 (branch and bound by Voronoi subdivision).
+polygonal models, SIGGRAPH 2009 (branch and bound).
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from jobs.detail.closest import SLIM, Surface, closest, distance2
+from jobs.detail.closest import Surface, Tree, closest, distance2
 from jobs.detail.cover import covered
+from jobs.detail.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
 from storage.kernels import allocating_kernel, kernel
 
-#: Polygons with this many corners are halved instead of being cut along a triangle's edges.
-MANY_CORNERS = 12
-#: A polygon is cut along a triangle's edges if its extent squared is below this times the triangle's, else halved.
-LARGE2 = 30.0
-#: Neighbours that are walked to before the closest triangle is looked up.
-MANY_WALKS = 6
-#: In place of the number of walks: the polygon was cut along all edges of its triangle and lies above it.
-ABOVE = MANY_WALKS + 1
-#: Pieces whose radius squared is at most this part of what is allowed are settled by where their centre lies.
-COMPACT2 = 0.4
-#: Where a point lies is not looked up more closely than this part of the squared distance that is known to be reached;
-#: of pieces that are hard to bound, it is: they must find the triangle that they lie above.
-NEAR2 = 0.6
 #: Of the finer surface's points, one in so many is looked up to begin with.
 SAMPLED = 8
-#: Room for a polygon's corners: a cut adds one at most to each of its parts.
-MAX_CORNERS = 20
-#: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
-MAX_STACK = 400
-MAX_DEPTH = 96
-#: Cuts spared where the cut-off part would be thinner than this, in the meshes' units (grid steps).
-THIN = 1e-6
-#: Pieces tried per triangle, on average, before the bound need not be as close as was asked for ...
+#: Pieces tried per triangle, on average, before the bound need not be as close as was asked for.
 EFFORT = 10
-#: ... but squared may be this many times as large; and again, as often as it takes.
-LOOSER = 1.5
+
+
+class Near(NamedTuple):
+    """What is near a surface's points and triangles, as far as it was looked up."""
+
+    nearest: np.ndarray  # (n,) int32: a triangle of the other surface near each point (see `point_distances`) or -1 ...
+    squared: np.ndarray  # (n,) float64: ... and its squared distance
+    below: np.ndarray  # (m,) int32: one near each triangle's centre, or -1
+
+
+class Scratch(NamedTuple):
+    """What a bound is worked out in."""
+
+    parts: Parts
+    seen: np.ndarray  # (triangles of the other surface,) int32 -1s
+    flood: np.ndarray  # (triangles of the other surface,) int32
+    clipped: np.ndarray  # (2, 16, 3) float64
+
+
+@allocating_kernel()
+def _nothing_near(a: Surface) -> Near:
+    """Before anything was looked up."""
+    n, m = len(a.points), len(a.triangles)
+    return Near(np.full(n, -1, np.int32), np.empty(n), np.full(m, -1, np.int32))
+
+
+@allocating_kernel()
+def _make_scratch(b: Surface, parts: Parts) -> Scratch:
+    """For bounds of distances from surface `b`."""
+    m = len(b.triangles)
+    return Scratch(parts, np.full(m, -1, np.int32), np.empty(m, np.int32), np.empty((2, 16, 3)))
 
 
 @allocating_kernel()
@@ -58,82 +68,21 @@ def point_distances(points: np.ndarray, surface: Surface, lower2: float) -> tupl
     Or some triangle that is nearer than the largest distance found so far, lower2 (squared) to begin with: the largest
     of all is exact in any case.
     """
-    stack = np.empty(128, np.int32)
-    nearest = np.empty(len(points), np.int32)
-    squared = np.empty(len(points))
-    hint = 0
-    for i in range(len(points)):
-        hint, squared[i] = closest(
-            surface.corners,
-            surface.box,
-            surface.child,
-            stack,
-            points[i, 0],
-            points[i, 1],
-            points[i, 2],
-            hint,
-            NEAR2 * lower2,
-        )
-        lower2 = max(lower2, squared[i])
-        nearest[i] = hint
+    nearest, squared = np.empty(len(points), np.int32), np.empty(len(points))
+    _look_up(points, surface.tree, lower2, np.empty(128, np.int32), nearest, squared)
     return nearest, squared
 
 
 @kernel()
-def _corner_bound(corners: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
-    """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
-    worst = 0
-    bound2 = -1.0
-    for i in range(n):
-        d2 = distance2(corners, k, polygon[i, 0], polygon[i, 1], polygon[i, 2])
-        if d2 > bound2:
-            bound2 = d2
-            worst = i
-    return bound2, worst
-
-
-@kernel()
-def _within(corners: np.ndarray, k: int, polygon: np.ndarray, n: int, enough2: float) -> float:
-    """The largest squared distance of the polygon's n corners to triangle k; infinite as soon as it exceeds enough2."""
-    bound2 = 0.0
-    for i in range(n):
-        bound2 = max(bound2, distance2(corners, k, polygon[i, 0], polygon[i, 1], polygon[i, 2]))
-        if bound2 > enough2:
-            return np.inf
-    return bound2
-
-
-@kernel()
-def _around2(polygon: np.ndarray, n: int, corner: int, d2: float) -> float:
-    """The largest squared distance of a polygon's points, if one of its n corners has the squared distance d2.
-
-    No point is farther from a corner than the farthest other corner.
-    """
-    far2 = 0.0
-    for i in range(n):
-        x, y, z = (
-            polygon[i, 0] - polygon[corner, 0],
-            polygon[i, 1] - polygon[corner, 1],
-            polygon[i, 2] - polygon[corner, 2],
-        )
-        far2 = max(far2, x * x + y * y + z * z)
-    return (np.sqrt(d2) + np.sqrt(far2)) ** 2
-
-
-@kernel()
-def _ball(polygon: np.ndarray, n: int) -> tuple[float, float, float, float]:
-    """The mean of a polygon's n corners, and the largest squared distance of a corner from it."""
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(n):
-        x += polygon[i, 0]
-        y += polygon[i, 1]
-        z += polygon[i, 2]
-    x, y, z = x / n, y / n, z / n
-    radius2 = 0.0
-    for i in range(n):
-        dx, dy, dz = polygon[i, 0] - x, polygon[i, 1] - y, polygon[i, 2] - z
-        radius2 = max(radius2, dx * dx + dy * dy + dz * dz)
-    return x, y, z, radius2
+def _look_up(
+    points: np.ndarray, tree: Tree, lower2: float, query: np.ndarray, nearest: np.ndarray, squared: np.ndarray
+) -> None:
+    """See `point_distances`."""
+    hint = 0
+    for i in range(len(points)):
+        hint, squared[i] = closest(tree, query, points[i, 0], points[i, 1], points[i, 2], hint, NEAR2 * lower2)
+        lower2 = max(lower2, squared[i])
+        nearest[i] = hint
 
 
 @kernel()
@@ -151,377 +100,93 @@ def _reach2(points: np.ndarray, triangles: np.ndarray, squared: np.ndarray, t: i
 
 
 @kernel()
-def _height(planes: np.ndarray, k: int, polygon: np.ndarray, n: int) -> float:
-    """The largest squared height above triangle k of the n corners of a polygon that was cut along k's edges.
+def _bound_whole(
+    a: Surface, t: int, b: Surface, last: int, wanted: Wanted, near: Near, scratch: Scratch
+) -> tuple[float, int, Wanted]:
+    """Bound the squared distance of triangle t of `a` from surface `b`, without parting it.
 
-    Its corners may lie beyond the edges by THIN, so by SLIM * THIN from above the triangle: that is added. Infinite for
-    slim triangles.
+    last: a triangle of `b` to try. Returns the squared bound, no good if it is above what is wanted; a triangle of `b`
+    near t; what is wanted from now on.
     """
-    x, y, z, offset = planes[k, 3, 0], planes[k, 3, 1], planes[k, 3, 2], planes[k, 3, 3]
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return np.inf
-    height = 0.0
-    for i in range(n):
-        height = max(height, abs(x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset))
-    height += SLIM * THIN
-    return height * height
-
-
-@kernel()
-def _cut(
-    polygon: np.ndarray,
-    n: int,
-    x: float,
-    y: float,
-    z: float,
-    offset: float,
-    side: np.ndarray,
-    inside: np.ndarray,
-    outside: np.ndarray,
-) -> tuple[int, int]:
-    """Part a convex polygon at a plane, unit normal (x, y, z): the corners of the parts on its two sides.
-
-    Returns the numbers of corners of `inside` (normal . p >= offset) and `outside`; (n, 0) or (0, n), with nothing
-    written, where the other part would be thinner than THIN. side (MAX_CORNERS,) is scratch space.
-    """
-    low, high = np.inf, -np.inf
-    for i in range(n):
-        f = x * polygon[i, 0] + y * polygon[i, 1] + z * polygon[i, 2] - offset
-        side[i] = f
-        low = min(low, f)
-        high = max(high, f)
-    if low >= -THIN:
-        return n, 0
-    if high <= THIN:
-        return 0, n
-    n_in = 0
-    n_out = 0
-    for i in range(n):
-        f = side[i]
-        if f >= 0.0:
-            inside[n_in, 0], inside[n_in, 1], inside[n_in, 2] = polygon[i, 0], polygon[i, 1], polygon[i, 2]
-            n_in += 1
-        if f <= 0.0:
-            outside[n_out, 0], outside[n_out, 1], outside[n_out, 2] = polygon[i, 0], polygon[i, 1], polygon[i, 2]
-            n_out += 1
-        j = i + 1 if i + 1 < n else 0
-        g = side[j]
-        if (f < 0.0 < g) or (g < 0.0 < f):
-            s = f / (f - g)
-            for c in range(3):
-                p = polygon[i, c] + s * (polygon[j, c] - polygon[i, c])
-                inside[n_in, c] = p
-                outside[n_out, c] = p
-            n_in += 1
-            n_out += 1
-    return n_in, n_out
-
-
-@kernel()
-def _longest(polygon: np.ndarray, n: int) -> tuple[float, int, int]:
-    """The largest squared distance between two corners, and which corners they are."""
-    best, p, q = -1.0, 0, 0
-    for i in range(n):
-        for j in range(i + 1, n):
-            dx = polygon[i, 0] - polygon[j, 0]
-            dy = polygon[i, 1] - polygon[j, 1]
-            dz = polygon[i, 2] - polygon[j, 2]
-            d2 = dx * dx + dy * dy + dz * dz
-            if d2 > best:
-                best, p, q = d2, i, j
-    return best, p, q
-
-
-@kernel()
-def _size2(corners: np.ndarray, k: int) -> float:
-    """The squared length of triangle k's longer edge at its first corner."""
-    ab = corners[k, 3] * corners[k, 3] + corners[k, 4] * corners[k, 4] + corners[k, 5] * corners[k, 5]
-    ac = corners[k, 6] * corners[k, 6] + corners[k, 7] * corners[k, 7] + corners[k, 8] * corners[k, 8]
-    return max(ab, ac)
-
-
-@kernel()
-def _part_along_edges(
-    planes: np.ndarray,
-    twin: np.ndarray,
-    face: int,
-    polygon: np.ndarray,
-    n: int,
-    side: np.ndarray,
-    rest: np.ndarray,
-    other: np.ndarray,
-    stack: np.ndarray,
-    sizes: np.ndarray,
-    hints: np.ndarray,
-    top: int,
-) -> tuple[int, int, int]:
-    """Cut the polygon's n corners along the edges of triangle `face`; push what lies outside, with the neighbour there.
-
-    Returns the new top of the stack; how many corners of `polygon`, overwritten, are left; and the triangle to try for
-    what is left: `face` itself where it lies above that, else the neighbour beyond the edge that all of it lies beyond,
-    -1 where there is none.
-    `side`, `rest` and `other` are scratch space.
-    """
-    for edge in range(3):
-        x, y, z = planes[face, edge, 0], planes[face, edge, 1], planes[face, edge, 2]
-        n_in, n_out = _cut(polygon, n, x, y, z, planes[face, edge, 3], side, rest, other)
-        if n_out == 0:
-            continue
-        beyond = twin[3 * face + edge]
-        if n_in == 0:
-            return top, n, beyond // 3 if beyond >= 0 else -1
-        for i in range(n_out):
-            for c in range(3):
-                stack[top, i, c] = other[i, c]
-        sizes[top], hints[top] = n_out, beyond // 3 if beyond >= 0 else face
-        top += 1
-        n = n_in
-        for i in range(n):
-            for c in range(3):
-                polygon[i, c] = rest[i, c]
-    return top, n, face
-
-
-@kernel()
-def _halve(
-    polygon: np.ndarray,
-    n: int,
-    side: np.ndarray,
-    rest: np.ndarray,
-    other: np.ndarray,
-    stack: np.ndarray,
-    sizes: np.ndarray,
-    top: int,
-) -> int:
-    """Cut the polygon across the middle of its longest extent and push both halves; the new top of the stack."""
-    long2, p, q = _longest(polygon, n)
-    length = np.sqrt(long2)
-    if not length > 0.0:
-        return top
-    x = (polygon[p, 0] - polygon[q, 0]) / length
-    y = (polygon[p, 1] - polygon[q, 1]) / length
-    z = (polygon[p, 2] - polygon[q, 2]) / length
-    px, py, pz = polygon[p, 0] + polygon[q, 0], polygon[p, 1] + polygon[q, 1], polygon[p, 2] + polygon[q, 2]
-    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, side, rest, other)
-    if n_in == 0 or n_out == 0:
-        return top
-    for i in range(n_in):
-        for c in range(3):
-            stack[top, i, c] = rest[i, c]
-    for i in range(n_out):
-        for c in range(3):
-            stack[top + 1, i, c] = other[i, c]
-    sizes[top], sizes[top + 1] = n_in, n_out
-    return top + 2
-
-
-@allocating_kernel()
-def directed_bound(
-    a: Surface,
-    b: Surface,
-    lower2: float,
-    floor2: float,
-    slack2: float,
-    nearest: np.ndarray,
-    squared: np.ndarray,
-    below: np.ndarray,
-) -> tuple[float, float]:
-    """Bound the largest squared distance of any point of `a` to `b`.
-
-    lower2: a known squared distance that the result need not undercut by refining; floor2: the same, without the slack.
-    nearest (n,) int32, squared (n,): a triangle of `b` near each point of `a` (see `point_distances`) and its squared
-    distance, -1 where it was not looked up yet: it is then, where needed; below (m,) int32: one near each triangle's
-    centre, or -1. Returns the bound and the improved lower2.
-    """
-    corners, box, child, planes, twin = b.corners, b.box, b.child, b.planes, b.twin
+    tree, frames = b.tree, b.tree.frames
     points, triangles = a.points, a.triangles
-    query = np.empty(128, np.int32)
-    stack = np.empty((MAX_STACK, MAX_CORNERS, 3))
-    sizes = np.empty(MAX_STACK, np.int32)
-    hints = np.empty(MAX_STACK, np.int32)
-    depths = np.empty(MAX_STACK, np.int32)
-    walks = np.empty(MAX_STACK, np.int32)  # triangles tried in vain since the closest one was last looked up
-    polygon = np.empty((MAX_CORNERS, 3))
-    side, rest, other = np.empty(MAX_CORNERS), np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
-    seen = np.full(len(b.triangles), -1, np.int32)
-    flood = np.empty(len(b.triangles), np.int32)
-    clipped = np.empty((2, 16, 3))
-    bound2 = 0.0
-    enough2 = max(slack2 * lower2, floor2)
-    whole_effort = EFFORT * (len(triangles) + len(b.triangles)) + 1000
-    effort, loosened = whole_effort, 1.0
-    last = 0
-    for t in range(len(triangles)):
-        # most triangles lie above a single one, and often above the one that the last triangle lay above
-        best2 = 0.0
-        for e in range(3):
-            i = triangles[t, e]
-            best2 = max(best2, distance2(corners, last, points[i, 0], points[i, 1], points[i, 2]))
-            if best2 > enough2:
-                break
-        if best2 <= enough2:
-            bound2 = max(bound2, best2)
-            continue
-        for e in range(3):
-            i = triangles[t, e]
-            if nearest[i] < 0:
-                last, squared[i] = closest(
-                    corners, box, child, query, points[i, 0], points[i, 1], points[i, 2], last, NEAR2 * lower2
-                )
-                nearest[i] = last
-                if squared[i] > lower2:
-                    lower2 = squared[i]
-                    enough2 = max(slack2 * lower2, floor2) * loosened
-        # where the error is large compared with the triangle, its size settles it: no point is farther from `b` than a
-        # corner and the way from there
-        best2 = _reach2(points, triangles, squared, t)
-        start = last
-        for attempt in range(3):
-            if best2 <= enough2:
-                break
-            k = nearest[triangles[t, attempt]]
-            worst2 = 0.0
-            for e in range(3):
-                i = triangles[t, e]
-                worst2 = max(worst2, distance2(corners, k, points[i, 0], points[i, 1], points[i, 2]))
-                if worst2 > best2:
-                    break
-            if worst2 < best2:
-                best2 = worst2
-                start = k
-        last = start
-        if best2 > enough2:
-            if below[t] >= 0:
-                start = below[t]
-            else:
-                i, j, k = triangles[t]
-                x, y, z = (
-                    (points[i, 0] + points[j, 0] + points[k, 0]) / 3.0,
-                    (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
-                    (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
-                )
-                start, d2 = closest(corners, box, child, query, x, y, z, start, NEAR2 * lower2)
-                if d2 > lower2:
-                    lower2 = d2
-                    enough2 = max(slack2 * lower2, floor2) * loosened
-            last = start
-            seen[start] = t
-            flood[0] = start
-            count = 1
-            for e in range(3):
-                k = nearest[triangles[t, e]]
-                if seen[k] != t:
-                    seen[k] = t
-                    flood[count] = k
-                    count += 1
-            best = covered(
-                points, triangles[t], b.points, b.triangles, twin, np.sqrt(enough2), seen, t, flood, count, clipped
+    nearest, squared, below = near.nearest, near.squared, near.below
+    query, seen, flood = scratch.parts.query, scratch.seen, scratch.flood
+    limit2 = enough2(wanted)
+    # most triangles lie above a single one, and often above the one that the last triangle lay above
+    best2 = 0.0
+    for e in range(3):
+        i = triangles[t, e]
+        best2 = max(best2, distance2(frames, last, points[i, 0], points[i, 1], points[i, 2]))
+        if best2 > limit2:
+            break
+    if best2 <= limit2:
+        return best2, last, wanted
+    for e in range(3):
+        i = triangles[t, e]
+        if nearest[i] < 0:
+            last, squared[i] = closest(
+                tree, query, points[i, 0], points[i, 1], points[i, 2], last, NEAR2 * wanted.lower2
             )
-            best2 = best * best
-        if best2 <= enough2:
-            bound2 = max(bound2, best2)
-            continue
+            nearest[i] = last
+            wanted = reached(wanted, squared[i])
+    limit2 = enough2(wanted)
+    # where the error is large compared with the triangle, its size settles it: no point is farther from `b` than a
+    # corner and the way from there
+    best2 = _reach2(points, triangles, squared, t)
+    start = last
+    for attempt in range(3):
+        if best2 <= limit2:
+            return best2, start, wanted
+        k = nearest[triangles[t, attempt]]
+        worst2 = 0.0
         for e in range(3):
-            for c in range(3):
-                stack[0, e, c] = points[triangles[t, e], c]
-        sizes[0], hints[0], depths[0], walks[0] = 3, start, 0, 0
-        whole2 = _longest(stack[0], 3)[0]
-        top = 1
-        while top > 0:
-            top -= 1
-            n = sizes[top]
-            depth = depths[top]
-            k = hints[top]
-            walked = walks[top]
-            for i in range(n):
-                for c in range(3):
-                    polygon[i, c] = stack[top, i, c]
-            here2 = _height(planes, k, polygon, n) if walked == ABOVE else np.inf
-            if here2 > enough2:
-                here2 = _within(corners, k, polygon, n, enough2)
-            if here2 <= enough2:
-                bound2 = max(bound2, here2)
-                continue
-            # of a piece that is small compared with what is allowed, its centre tells enough
-            x, y, z, radius2 = _ball(polygon, n)
-            if radius2 <= COMPACT2 * enough2:
-                _, d2 = closest(corners, box, child, query, x, y, z, k, NEAR2 * lower2)
-                if d2 > lower2:
-                    lower2 = d2
-                    enough2 = max(slack2 * lower2, floor2) * loosened
-                here2 = (np.sqrt(d2) + np.sqrt(radius2)) ** 2
-                if here2 <= enough2:
-                    bound2 = max(bound2, here2)
-                    continue
-            large2 = LARGE2 * _size2(corners, k)
-            cut = n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
-            look_up = walked >= MANY_WALKS or not cut
-            if look_up:
-                here2, worst = _corner_bound(corners, k, polygon, n)
-                nearer, d2 = closest(
-                    corners,
-                    box,
-                    child,
-                    query,
-                    polygon[worst, 0],
-                    polygon[worst, 1],
-                    polygon[worst, 2],
-                    k,
-                    0.0,
-                )
-                here2 = min(here2, _around2(polygon, n, worst, d2))
-                if d2 > lower2:
-                    lower2 = d2
-                    enough2 = max(slack2 * lower2, floor2) * loosened
-                cut = cut and nearer != k
-                if nearer != k:
-                    k = nearer
-                    there2, _ = _corner_bound(corners, k, polygon, n)
-                    here2 = min(here2, there2)
-                if here2 <= enough2:
-                    bound2 = max(bound2, here2)
-                    continue
-            effort -= 1
-            if effort < 0:  # less closely, then
-                effort = whole_effort
-                loosened *= LOOSER
-                enough2 = max(slack2 * lower2, floor2) * loosened
-            if depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
-                _, d2 = closest(
-                    corners, box, child, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k, NEAR2 * lower2
-                )
-                here2 = min(here2, _around2(polygon, n, 0, d2))
-                bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
-                continue
-            bottom = top
-            if cut:
-                top, n, onward = _part_along_edges(
-                    planes, twin, k, polygon, n, side, rest, other, stack, sizes, hints, top
-                )
-                for s in range(bottom, top):
-                    walks[s] = 0
-                if top > bottom or not look_up:
-                    for i in range(n):
-                        for c in range(3):
-                            stack[top, i, c] = polygon[i, c]
-                    sizes[top] = n
-                    hints[top] = onward if onward >= 0 else k
-                    if onward == k:
-                        walks[top] = ABOVE
-                    else:
-                        walks[top] = walked + 1 if onward >= 0 else MANY_WALKS
-                    top += 1
-            if top == bottom:
-                top = _halve(polygon, n, side, rest, other, stack, sizes, top)
-                if top == bottom:
-                    bound2 = max(bound2, min(here2, _corner_bound(corners, k, polygon, n)[0]))
-                    continue
-                for s in range(bottom, top):
-                    hints[s] = k
-                    walks[s] = 0
-            for s in range(bottom, top):
-                depths[s] = depth + 1
-    return bound2, lower2
+            i = triangles[t, e]
+            worst2 = max(worst2, distance2(frames, k, points[i, 0], points[i, 1], points[i, 2]))
+            if worst2 > best2:
+                break
+        if worst2 < best2:
+            best2 = worst2
+            start = k
+    if best2 <= limit2:
+        return best2, start, wanted
+    if below[t] >= 0:
+        start = below[t]
+    else:
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        x, y, z = (
+            (points[i, 0] + points[j, 0] + points[k, 0]) / 3.0,
+            (points[i, 1] + points[j, 1] + points[k, 1]) / 3.0,
+            (points[i, 2] + points[j, 2] + points[k, 2]) / 3.0,
+        )
+        start, d2 = closest(tree, query, x, y, z, start, NEAR2 * wanted.lower2)
+        wanted = reached(wanted, d2)
+    seen[start] = t
+    flood[0] = start
+    count = 1
+    for e in range(3):
+        k = nearest[triangles[t, e]]
+        if seen[k] != t:
+            seen[k] = t
+            flood[count] = k
+            count += 1
+    limit = np.sqrt(enough2(wanted))
+    best = covered(points, triangles[t], b.points, b.triangles, b.twin, limit, seen, t, flood, count, scratch.clipped)
+    return best * best, start, wanted
+
+
+@kernel()
+def _bound(a: Surface, b: Surface, wanted: Wanted, near: Near, scratch: Scratch) -> tuple[float, Wanted]:
+    """Bound the largest squared distance of any point of `a` to `b`; and what is wanted of further bounds."""
+    bound2 = 0.0
+    whole_effort = wanted.effort
+    last = 0
+    for t in range(len(a.triangles)):
+        best2, last, wanted = _bound_whole(a, t, b, last, wanted, near, scratch)
+        if best2 > enough2(wanted):
+            best2, wanted = bound_by_parts(a.points, a.triangles, t, b, last, wanted, whole_effort, scratch.parts)
+        bound2 = max(bound2, best2)
+    return bound2, wanted
 
 
 @allocating_kernel()
@@ -544,24 +209,25 @@ def hausdorff_bound(a: Surface, b: Surface, lower: float, floor: float, slack: f
     """
     # where the coarser surface's triangles' centres and some of the finer one's points lie tells how far it is to go
     coarse, fine = (a, b) if len(a.triangles) < len(b.triangles) else (b, a)
-    below, apart = point_distances(_centres(coarse), fine, lower * lower)
+    near_fine, near_coarse = _nothing_near(fine), _nothing_near(coarse)
+    near_coarse.below[:], apart = point_distances(_centres(coarse), fine, lower * lower)
     lower2 = max(lower * lower, apart.max())
-    sampled, apart = point_distances(fine.points[::SAMPLED], coarse, lower2)
+    near_fine.nearest[::SAMPLED], apart = point_distances(fine.points[::SAMPLED], coarse, lower2)
+    near_fine.squared[::SAMPLED] = apart
     lower2 = max(lower2, apart.max())
-    nearest, squared = np.full(len(fine.points), -1, np.int32), np.empty(len(fine.points))
-    nearest[::SAMPLED] = sampled
-    squared[::SAMPLED] = apart
-    unknown = np.full(len(fine.triangles), -1, np.int32)
-    there2, lower2 = directed_bound(fine, coarse, lower2, floor * floor, slack * slack, nearest, squared, unknown)
-    nearest, squared = np.full(len(coarse.points), -1, np.int32), np.empty(len(coarse.points))
-    back2, lower2 = directed_bound(coarse, fine, lower2, floor * floor, slack * slack, nearest, squared, below)
-    return np.sqrt(max(there2, back2)), np.sqrt(lower2)
+    effort = EFFORT * (len(a.triangles) + len(b.triangles)) + 1000
+    wanted = Wanted(lower2, slack * slack, floor * floor, 1.0, effort)
+    parts = make_parts()
+    there2, wanted = _bound(fine, coarse, wanted, near_fine, _make_scratch(coarse, parts))
+    wanted = Wanted(wanted.lower2, slack * slack, floor * floor, 1.0, effort)
+    back2, wanted = _bound(coarse, fine, wanted, near_coarse, _make_scratch(fine, parts))
+    return np.sqrt(max(there2, back2)), np.sqrt(wanted.lower2)
 
 
 @allocating_kernel()
 def one_sided_bound(a: Surface, b: Surface, floor: float, slack: float) -> float:
     """An upper bound of the largest distance of any point of `a` to `b`: see `hausdorff_bound`."""
-    nearest, squared = np.full(len(a.points), -1, np.int32), np.empty(len(a.points))
-    unknown = np.full(len(a.triangles), -1, np.int32)
-    bound2, _ = directed_bound(a, b, 0.0, floor * floor, slack * slack, nearest, squared, unknown)
+    effort = EFFORT * (len(a.triangles) + len(b.triangles)) + 1000
+    wanted = Wanted(0.0, slack * slack, floor * floor, 1.0, effort)
+    bound2, _ = _bound(a, b, wanted, _nothing_near(a), _make_scratch(b, make_parts()))
     return np.sqrt(bound2)

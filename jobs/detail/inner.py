@@ -75,7 +75,7 @@ def make_inner(
     mesh = Mesh(points, triangles, twins(triangles))
     locked = np.flatnonzero(same_places(mesh.points, locks.points)).astype(np.int32)
     outward = all(offer.outward for offer in taken) and _closed(mesh, locked)
-    given = surface = make_surface(points.astype(np.float64), triangles)
+    given = surface = make_surface(points.astype(np.float64), triangles, mesh.twin)
     error = worst
     levels: list[Level] = []
     offers: list[Offer] = []
@@ -85,7 +85,7 @@ def make_inner(
             break
         every = np.arange(len(mesh.triangles), dtype=np.int32)
         coarser, source, outward = simplified or Simplified(mesh, every, outward)
-        coarse = make_surface(coarser.points.astype(np.float64), coarser.triangles)
+        coarse = make_surface(coarser.points.astype(np.float64), coarser.triangles, coarser.twin)
         if simplified is not None:
             bound, _ = hausdorff_bound(coarse, given, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
             error = max(error, worst + bound)

@@ -198,9 +198,9 @@ def _mirrors(matrix: np.ndarray) -> bool:
 def _flat_error(points: np.ndarray, triangles: np.ndarray, kept: np.ndarray) -> float:
     """How far triangles that are not kept lie from those that are, at most."""
     whole = points.astype(np.float64)
-    flat = make_surface(whole, np.ascontiguousarray(np.delete(triangles, kept, axis=0)))
-    rest = make_surface(whole, np.ascontiguousarray(triangles[kept]))
-    return float(one_sided_bound(flat, rest, FLAT_STEPS, SLACK)) + ROUNDING_STEPS
+    lost, rest = np.delete(triangles, kept, axis=0), triangles[kept]
+    flat, left = (make_surface(whole, some, twins(some)) for some in (lost, rest))
+    return float(one_sided_bound(flat, left, FLAT_STEPS, SLACK)) + ROUNDING_STEPS
 
 
 def _ordinals(parts: Sequence[int]) -> np.ndarray:

@@ -68,7 +68,7 @@ def coarser_levels(
     """
     extent = finest.points.max(axis=0).astype(np.float64) - finest.points.min(axis=0)
     largest = LARGEST_ERROR * float(np.sqrt((extent * extent).sum()))
-    original = make_surface(finest.points.astype(np.float64), finest.triangles)
+    original = make_surface(finest.points.astype(np.float64), finest.triangles, finest.twin)
     reached = error
     levels: list[CoarseLevel] = []
     places = finest.points[locked]
@@ -84,7 +84,7 @@ def coarser_levels(
         if len(locked) and not border_kept(*finest, locked, mesh.points, mesh.triangles):
             break
         before = len(mesh.triangles)
-        surface = make_surface(mesh.points.astype(np.float64), mesh.triangles)
+        surface = make_surface(mesh.points.astype(np.float64), mesh.triangles, mesh.twin)
         bound, _ = hausdorff_bound(surface, original, 0.0, max(reached - error, FLOOR_STEPS), SLACK)
         total = (bound + error) * (1.0 + ROUNDING) + ROUNDING_STEPS
         reached = max(total, reached * (1.0 + 1e-6) + ROUNDING_STEPS)

@@ -19,7 +19,7 @@ import numpy as np
 
 from jobs.arrays import mapped_array, save_array
 from jobs.detail.attributes import corner_normals, keep_given_normals
-from jobs.detail.closest import make_surface
+from jobs.detail.closest import Surface, make_surface
 from jobs.detail.displacement import group_maximum, snapped
 from jobs.detail.face_normals import face_normals
 from jobs.detail.hausdorff import one_sided_bound
@@ -27,6 +27,7 @@ from jobs.detail.levels import ROUNDING_STEPS, SLACK
 from jobs.detail.options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces
+from jobs.objects.weld import twins
 from storage.normals import to_octahedral
 from storage.tables import GRID_LIMIT
 
@@ -221,16 +222,20 @@ def _raise_by_flat(
     by_component = np.argsort(found.component, kind="stable")
     ends = np.searchsorted(found.component[by_component], [components, components + 1]).T
     for own, (first, last) in zip(np.split(found.flat_source[order], begin[1:]), ends.tolist(), strict=True):
-        corners, local = np.unique(triangles[own], return_inverse=True)
-        flat = make_surface(grid_points[corners].astype(np.float64), local.reshape(-1, 3).astype(np.int32))
+        corners, flat = _surface(grid_points, triangles[own])
         nearest, smallest = 0, np.inf
         of_component = by_component[first:last]
         for p in np.unique(piece[of_component]).tolist():
-            mesh = found.triangles[of_component[piece[of_component] == p]]
-            used, local = np.unique(mesh, return_inverse=True)
-            surface = make_surface(found.points[used].astype(np.float64), local.reshape(-1, 3).astype(np.int32))
+            _, surface = _surface(found.points, found.triangles[of_component[piece[of_component] == p]])
             bound = one_sided_bound(flat, surface, FLAT_STEPS, SLACK)
             if bound < smallest:
                 nearest, smallest = p, bound
         charge = float(displacement[corners].max()) + smallest + (ROUNDING_STEPS if smallest > 0 else 0.0)
         errors[nearest] = max(errors[nearest], charge)
+
+
+def _surface(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, Surface]:
+    """Triangles (m, 3) over some of points (n, 3) int32: the points that they use, and their surface."""
+    used, local = np.unique(triangles, return_inverse=True)
+    local = local.reshape(-1, 3).astype(np.int32)
+    return used, make_surface(points[used].astype(np.float64), local, twins(local))

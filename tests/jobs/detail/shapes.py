@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jobs.detail.closest import Surface, make_surface
 from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
 from jobs.detail.node import Level, Node, Offer
 from jobs.detail.options import DetailOptions
@@ -14,8 +15,15 @@ from jobs.detail.pieces import make_pieces
 from jobs.importing.model import Model, open_model
 from jobs.importing.saved import MeshView, Placement, write_model
 from jobs.objects.options import Limits
+from jobs.objects.weld import twins
 
 Shape = tuple[np.ndarray, np.ndarray]
+
+
+def surface_of(points: np.ndarray, triangles: np.ndarray) -> Surface:
+    """Triangles (m, 3) over points (n, 3), ready for queries."""
+    triangles = np.ascontiguousarray(triangles, np.int32)
+    return make_surface(np.ascontiguousarray(points, np.float64), triangles, twins(triangles))
 
 
 def grid(n: int, height: np.ndarray) -> Shape:

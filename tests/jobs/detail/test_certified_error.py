@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,10 +12,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.closest import closest, make_surface
+from jobs.detail.closest import closest, distance2
 from jobs.detail.hausdorff import hausdorff_bound, one_sided_bound
+from storage.tables import GRID_LIMIT
 from tests.jobs.detail.sampling import distances, measured, sample
-from tests.jobs.detail.shapes import Shape, box, grid, joined, leaves_of, level_mesh, model_of, original, sphere, torus
+from tests.jobs.detail.shapes import (
+    Shape,
+    box,
+    grid,
+    joined,
+    leaves_of,
+    level_mesh,
+    model_of,
+    original,
+    sphere,
+    surface_of,
+    torus,
+)
 
 ROUNDING = 1 + 1e-9
 
@@ -106,7 +120,7 @@ def test_bound_holds_between_random_soups(seed: int, m: int, k: int, flatness: f
     scale = np.array([1.0, 1.0, flatness]) * 1e5
     a = (rng.random((3 * m, 3)) * scale, np.arange(3 * m).reshape(-1, 3).astype(np.int32))
     b = (rng.random((3 * k, 3)) * scale, np.arange(3 * k).reshape(-1, 3).astype(np.int32))
-    bound, lower = hausdorff_bound(make_surface(*a), make_surface(*b), 0.0, 1.0, 1.1)
+    bound, lower = hausdorff_bound(surface_of(*a), surface_of(*b), 0.0, 1.0, 1.1)
     found = measured((a[0], a[1]), (b[0], b[1]), 300, rng)
     assert found <= bound * ROUNDING + 1e-4
     assert lower <= bound * ROUNDING
@@ -121,23 +135,65 @@ def test_closest_triangle_agrees_with_trying_all(seed: int, m: int, flat: bool) 
     if flat:  # triangles without area are allowed: all corners on a line
         points[:, 1:] = points[:, :1] * [2, -1]
     triangles = np.arange(3 * m).reshape(-1, 3).astype(np.int32)
-    surface = make_surface(points, triangles)
+    surface = surface_of(points, triangles)
     queries = rng.uniform(-1500, 1500, (20, 3))
     expected = distances(queries, points, triangles)
-    stack = np.empty(128, np.int32)
+    room = np.empty(128, np.int32)
     for query, distance in zip(queries, expected, strict=True):
-        _, squared = closest(surface.corners, surface.box, surface.child, stack, *query, 0, 0.0)
+        _, squared = closest(surface.tree, room, *query, 0, 0.0)
         assert np.sqrt(squared) == pytest.approx(distance, rel=1e-7, abs=1e-6)
         # where something near is enough, that is what it is, or else the closest
-        found, squared = closest(surface.corners, surface.box, surface.child, stack, *query, 0, 250_000.0)
+        found, squared = closest(surface.tree, room, *query, 0, 250_000.0)
         assert squared <= max(250_000.0, (distance * (1 + 1e-7) + 1e-6) ** 2)
         own = distances(query[None], surface.points, surface.triangles[found : found + 1])[0]
         assert np.sqrt(squared) == pytest.approx(own, rel=1e-7, abs=1e-6)
 
 
+def exact_distance2(point: list[int], corners: list[list[int]]) -> Fraction:
+    """The squared distance of a point to a triangle, both in whole numbers."""
+
+    def dot(a: list[Fraction], b: list[Fraction]) -> Fraction:
+        return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+    p, a, b, c = ([Fraction(x) for x in corner] for corner in (point, *corners))
+    ab, ac, ap = ([x - y for x, y in zip(corner, a, strict=True)] for corner in (b, c, p))
+    aa, bb, cc, d, e = dot(ab, ab), dot(ab, ac), dot(ac, ac), dot(ab, ap), dot(ac, ap)
+    area = aa * cc - bb * bb
+    if area > 0:
+        v, w = (cc * d - bb * e) / area, (aa * e - bb * d) / area
+        if v >= 0 and w >= 0 and v + w <= 1:
+            away = [z - v * x - w * y for x, y, z in zip(ab, ac, ap, strict=True)]
+            return dot(away, away)
+    found = []
+    for start, end in ((a, b), (b, c), (c, a)):
+        along, away = ([x - y for x, y in zip(to, start, strict=True)] for to in (end, p))
+        length2 = dot(along, along)
+        s = min(max(dot(along, away) / length2, Fraction(0)), Fraction(1)) if length2 else Fraction(0)
+        rest = [x - s * y for x, y in zip(away, along, strict=True)]
+        found.append(dot(rest, rest))
+    return min(found)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_distances_hold_for_needles_on_the_whole_grid(data: st.DataObject) -> None:
+    near, far = st.integers(-3, 3), st.integers(-GRID_LIMIT, GRID_LIMIT)
+    a, direction = (data.draw(st.lists(far, min_size=3, max_size=3)) for _ in range(2))
+    share = data.draw(st.integers(0, 1000))
+    # the third corner lies near the line through the others, or anywhere
+    line = [x + share * y // 1000 for x, y in zip(a, direction, strict=True)]
+    shift = data.draw(st.lists(near | far, min_size=3, max_size=3))
+    corners = [a, [x + y for x, y in zip(a, direction, strict=True)], [x + y for x, y in zip(line, shift, strict=True)]]
+    corners = [corners[i] for i in data.draw(st.permutations(range(3)))]
+    p = data.draw(st.lists(far, min_size=3, max_size=3))
+    points = np.array(corners, np.float64)
+    found = distance2(surface_of(points, np.array([[0, 1, 2]])).tree.frames, 0, *map(float, p))
+    assert np.sqrt(found) == pytest.approx(float(exact_distance2(p, corners)) ** 0.5, rel=1e-9, abs=1e-5)
+
+
 def test_bound_in_one_direction_is_not_the_other() -> None:
-    small = make_surface(np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0.0]]), np.array([[0, 1, 2]], np.int32))
-    large = make_surface(np.array([[0, 0, 0], [90, 0, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    small = surface_of(np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    large = surface_of(np.array([[0, 0, 0], [90, 0, 0], [0, 90, 0.0]]), np.array([[0, 1, 2]], np.int32))
     assert one_sided_bound(small, large, 1e-3, 1.1) <= 1e-3
     assert 80 <= one_sided_bound(large, small, 1e-3, 1.1) <= 88
 

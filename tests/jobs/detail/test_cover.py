@@ -6,18 +6,17 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.closest import make_surface
 from jobs.detail.cover import covered
 from jobs.detail.hausdorff import hausdorff_bound, point_distances
 from tests.jobs.detail.sampling import distances, sample
-from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, torus
+from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, surface_of, torus
 
 SIZE = 1e4  # grid steps
 
 
 def bound_by_covering(corners: np.ndarray, points: np.ndarray, triangles: np.ndarray, limit: float) -> float:
     """`covered` for one triangle (3, 3), with the flood begun where its corners and its centre are nearest."""
-    surface = make_surface(points, triangles.astype(np.int32))
+    surface = surface_of(points, triangles)
     places = np.append(corners, [corners.mean(axis=0)], axis=0)
     begin = np.unique([point_distances(places[i : i + 1], surface, 0.0)[0][0] for i in range(4)]).astype(np.int32)
     seen = np.full(len(surface.triangles), -1, np.int32)
@@ -102,7 +101,7 @@ def test_bound_holds_between_connected_surfaces(seed: int, noise: float, holes: 
     points = points * np.where(np.abs(points) > 100, 1, SIZE)
     shaken = points + rng.normal(0, noise, points.shape)
     left = np.delete(triangles, rng.choice(len(triangles), holes, replace=False), axis=0)
-    a, b = make_surface(points, triangles.astype(np.int32)), make_surface(shaken, left.astype(np.int32))
+    a, b = surface_of(points, triangles), surface_of(shaken, left)
     bound, lower = hausdorff_bound(a, b, 0.0, 1.0, 1.25)
     there = distances(sample(points, triangles, 400, rng), shaken, left).max()
     back = distances(sample(shaken, left, 400, rng), points, triangles).max()

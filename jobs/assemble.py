@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from storage.kernels import allocating_kernel
+from storage.kernels import kernel
 from storage.tables import DRAWABLE, NODE, Grid
 
 if TYPE_CHECKING:
@@ -60,49 +61,70 @@ def _multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (terms[0] + terms[1]) + terms[2]
 
 
-def place_node(
-    made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (p,) and drawables (p * levels,) of a node's placements, in their order; `end` is left 0.
+class Placed(NamedTuple):
+    """A node's levels at one of their places, finest first."""
 
-    The drawables' geometry counts up from first_geometry, finest level first; node and first_drawable count from 0.
-    """
+    part: int
+    instance: int
+    geometry: int  # of the finest level; those of the others follow
+    triangles: list[int]
+    one_sided: list[bool]
+    errors: list[float]
+    lo: np.ndarray  # (levels, 3) float64: the box of each
+    hi: np.ndarray
+
+
+def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> list[Placed]:
+    """A node's levels at each of their places; their geometry counts up from first_geometry, finest level first."""
     levels = made.levels
-    count = len(levels)
-    nodes = np.zeros(len(placements), NODE)
-    drawables = np.zeros(len(placements) * count, DRAWABLE)
-    drawables["node"] = np.repeat(np.arange(len(placements)), count)
-    drawables["level"] = np.tile(np.arange(count), len(placements))
-    drawables["geometry"] = first_geometry + drawables["level"]
-    drawables["instance"] = np.repeat([placement.instance for placement in placements], count)
-    drawables["triangles"] = np.tile([len(level.triangles) for level in levels], len(placements))
-    drawables["one_sided"] = np.tile([level.one_sided for level in levels], len(placements))
-    errors = np.empty((len(placements), count))
-    lo, hi = np.empty((len(placements), count, 3)), np.empty((len(placements), count, 3))
-    for n, placement in enumerate(placements):
+    triangles, one_sided = [len(level.triangles) for level in levels], [level.one_sided for level in levels]
+    placed = []
+    for to in placements:
+        moved = to.instance >= 0
+        errors = [level.error for level in levels]
+        if moved:
+            snapping = grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
+            errors = [error * to.stretch * (1 + 1e-12) + snapping for error in errors]
+        lo, hi = np.empty((len(levels), 3)), np.empty((len(levels), 3))
         for number, level in enumerate(levels):
-            lo[n, number], hi[n, number] = _placed_box(
-                level.positions, level.triangles, placement.matrix, placement.instance >= 0, made.scale, grid.step
+            _placed_box(
+                level.positions, level.triangles, to.matrix, moved, made.scale, grid.step, lo[number], hi[number]
             )
-            error = level.error
-            if placement.instance >= 0:
-                error = error * placement.stretch * (1 + 1e-12) + grid.step * math.sqrt(3) / 2 * (1 + 1e-12)
-            errors[n, number] = error
-    stored = float32_up(errors)
-    for number in range(1, count):  # rounding must not make two levels' errors equal
-        stored[:, number] = np.maximum(stored[:, number], np.nextafter(stored[:, number - 1], np.float32(np.inf)))
-    drawables["error"] = stored.reshape(-1)
-    drawables["lo"], drawables["hi"] = float32_down(lo).reshape(-1, 3), float32_up(hi).reshape(-1, 3)
-    reach = stored[:, :1].astype(np.float64)
-    nodes["first_drawable"] = np.arange(len(placements)) * count
-    nodes["levels"], nodes["part"] = count, [placement.part for placement in placements]
-    nodes["lo"] = float32_down(np.minimum(lo[:, 0] - reach, lo.min(axis=1)))
-    nodes["hi"] = float32_up(np.maximum(hi[:, 0] + reach, hi.max(axis=1)))
+        placed.append(Placed(to.part, to.instance, first_geometry, triangles, one_sided, errors, lo, hi))
+    return placed
+
+
+def make_rows(placed: Sequence[Placed]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (p,), their `end` left 0, and drawables of placed levels, in their order."""
+    nodes = np.zeros(len(placed), NODE)
+    counts = np.array([len(own.triangles) for own in placed], np.int64)
+    starts = np.cumsum(counts) - counts
+    drawables = np.zeros(int(counts.sum()), DRAWABLE)
+    if not len(placed):
+        return nodes, drawables
+    drawables["node"] = np.repeat(np.arange(len(placed)), counts)
+    drawables["level"] = level = np.arange(len(drawables)) - np.repeat(starts, counts)
+    drawables["geometry"] = np.repeat([own.geometry for own in placed], counts) + level
+    drawables["instance"] = np.repeat([own.instance for own in placed], counts)
+    drawables["triangles"] = [count for own in placed for count in own.triangles]
+    drawables["one_sided"] = [one for own in placed for one in own.one_sided]
+    stored = float32_up([error for own in placed for error in own.errors])
+    for number in range(1, int(counts.max())):  # rounding must not make two levels' errors equal
+        at = np.flatnonzero(level == number)
+        stored[at] = np.maximum(stored[at], np.nextafter(stored[at - 1], np.float32(np.inf)))
+    drawables["error"] = stored
+    lo, hi = (np.concatenate([getattr(own, name) for own in placed]) for name in ("lo", "hi"))
+    drawables["lo"], drawables["hi"] = float32_down(lo), float32_up(hi)
+    reach = stored[starts, None].astype(np.float64)
+    nodes["first_drawable"], nodes["levels"] = starts, counts
+    nodes["part"] = [own.part for own in placed]
+    nodes["lo"] = float32_down(np.minimum(lo[starts] - reach, np.minimum.reduceat(lo, starts)))
+    nodes["hi"] = float32_up(np.maximum(hi[starts] + reach, np.maximum.reduceat(hi, starts)))
     return nodes, drawables
 
 
 def join_rows(rows: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and drawables of several `place_node` as one pair of tables, in their order."""
+    """Nodes and drawables of several `make_rows` as one pair of tables, in their order."""
     nodes, drawables = [np.zeros(0, NODE)], [np.zeros(0, DRAWABLE)]
     first_node = first_drawable = 0
     for own_nodes, own_drawables in rows:
@@ -151,44 +173,42 @@ def join_nodes(
     return nodes, drawables
 
 
-def float32_up(values: np.ndarray | float) -> np.ndarray:
+def float32_up(values: ArrayLike) -> np.ndarray:
     """The least float32 not below each value."""
     exact = np.asarray(values, np.float64)
     near = exact.astype(np.float32)
     return np.where(near < exact, np.nextafter(near, np.float32(np.inf)), near)
 
 
-def float32_down(values: np.ndarray | float) -> np.ndarray:
+def float32_down(values: ArrayLike) -> np.ndarray:
     """The greatest float32 not above each value."""
     exact = np.asarray(values, np.float64)
     near = exact.astype(np.float32)
     return np.where(near > exact, np.nextafter(near, np.float32(-np.inf)), near)
 
 
-@allocating_kernel()
+@kernel()
 def _placed_box(
-    positions: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, moved: bool, scale: float, step: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The box lo, hi (3,) of a placed mesh.
+    positions: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, moved: bool, scale: float, step: float,
+    lo: np.ndarray, hi: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the box lo, hi (3,) of a placed mesh.
 
     positions (n, 3) int32 times scale, moved by a matrix (3, 4) if `moved`, lie on the grid of `step` as the store
     gives them out (storage.tables: `transform_points`, `Grid.snap`).
     """
-    n, m = len(positions), len(triangles)
-    points = np.empty((n, 3), np.int64)
-    for v in range(n):
-        if moved:
-            x, y, z = positions[v, 0] * scale, positions[v, 1] * scale, positions[v, 2] * scale
-            for i in range(3):
-                at = ((matrix[i, 0] * x + matrix[i, 1] * y) + matrix[i, 2] * z) + matrix[i, 3]
-                points[v, i] = np.int64(np.rint(at * (1.0 / step)))
-        else:
-            for i in range(3):
-                points[v, i] = positions[v, i]
-    lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
-    for t in range(m):
+    for i in range(3):
+        lo[i], hi[i] = np.inf, -np.inf
+    for t in range(len(triangles)):
         for e in range(3):
+            v = triangles[t, e]
+            x, y, z = positions[v, 0], positions[v, 1], positions[v, 2]
             for i in range(3):
-                p = points[triangles[t, e], i] * step
+                place = np.int64(positions[v, i])
+                if moved:
+                    at = (
+                        (matrix[i, 0] * (x * scale) + matrix[i, 1] * (y * scale)) + matrix[i, 2] * (z * scale)
+                    ) + matrix[i, 3]
+                    place = np.int64(np.rint(at * (1.0 / step)))
+                p = place * step
                 lo[i], hi[i] = min(lo[i], p), max(hi[i], p)
-    return lo, hi

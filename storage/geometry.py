@@ -26,7 +26,7 @@ from storage.planes import step_planes, unstep_planes, unzigzag_planes, zigzag_p
 from storage.wedges import decode_wedges, encode_wedges
 
 #: zstd level of packs: they are written once and decode as fast as any other.
-LEVEL = 12
+LEVEL = 10
 
 #: Numbers (u4) at a pack's head: meshes, positions, vertices, triangles, bytes of more, named vertices, wedge codes.
 _HEAD = 7

@@ -24,7 +24,7 @@ from jobs.detail.face_normals import face_normals
 from jobs.detail.hausdorff import hausdorff_bound
 from jobs.detail.levels import FLOOR_STEPS, ROUNDING, ROUNDING_STEPS, SLACK, CoarseLevel, Mesh, tidy
 from jobs.detail.near_pairs import near_pairs
-from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed
+from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed, has_gradients
 from jobs.objects.components import components, outward_closed
 from jobs.objects.weld import OPEN, twins, weld
 
@@ -91,9 +91,10 @@ def make_inner(
             error = max(error, worst + bound)
         error = error * (1.0 + ROUNDING) + ROUNDING_STEPS
         held = np.flatnonzero(same_places(coarser.points, locks.points)).astype(np.int32)
-        normals, _ = face_normals(mesh.points, mesh.triangles)
-        shading = np.repeat(normals, 3, axis=0).astype(np.float32)
-        before = Finest(surface, mesh.points, mesh.triangles, shading, colours)
+        shading = np.empty((0, 3), np.float32)
+        if len(held):
+            shading = np.repeat(face_normals(mesh.points, mesh.triangles)[0], 3, axis=0).astype(np.float32)
+        before = Finest(surface, mesh.points, mesh.triangles, shading, colours, has_gradients(colours))
         level, colours = dressed(CoarseLevel(coarser, source, coarse, held, error, outward), before, crease, scale)
         levels.append(level)
         offers.append(Offer(coarser.points, coarser.triangles, colours, error, outward, locks))

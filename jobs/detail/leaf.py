@@ -21,11 +21,11 @@ from jobs.detail.closest import make_surface
 from jobs.detail.displacement import placed
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
-from jobs.detail.node import Finest, Locks, Node, Offer, dressed, level_of
+from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
 from jobs.detail.pieces import FLAT_STEPS, ROUNDING, PieceSet
 from jobs.importing.model import Model
 from jobs.importing.saved import cofactors, turned
-from jobs.objects.weld import degenerate_triangles, twins, weld
+from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
 from storage.normals import from_octahedral
 from storage.tables import transform_points
 
@@ -90,8 +90,8 @@ def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> 
         return None
     if flat.any():
         error += _flat_error(points, triangles, kept)
-    used, local = np.unique(triangles[kept], return_inverse=True)
-    points, triangles = points[used], local.reshape(-1, 3).astype(np.int32)
+    used, triangles = compacted(triangles[kept], len(points))
+    points = points[used]
     corners = (3 * kept[:, None] + np.arange(3)).reshape(-1)
     locks = _joined([_locks(member, scale) for member in members])
     return Patch(
@@ -117,7 +117,9 @@ def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
     if len(mesh.triangles) >= FEWEST:
         locked = np.flatnonzero(same_places(mesh.points, patch.locks.points)).astype(np.int32)
         chain = coarser_levels(mesh, patch.colours, patch.error, locked, patch.outward, most - 1)
-        whole = Finest(chain.finest, mesh.points, mesh.triangles, patch.shading, patch.colours)
+        whole = Finest(
+            chain.finest, mesh.points, mesh.triangles, patch.shading, patch.colours, has_gradients(patch.colours)
+        )
         for coarse in chain.levels:
             level, colours = dressed(coarse, whole, crease, scale)
             levels.append(level)

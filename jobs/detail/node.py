@@ -79,8 +79,15 @@ class Finest(NamedTuple):
     surface: Surface
     points: np.ndarray  # (n, 3) int32
     triangles: np.ndarray  # (m, 3) int32
-    shading: np.ndarray  # (3 m, 3) float32: normals of the corners
+    shading: np.ndarray  # (3 m, 3) float32: normals of the corners; nothing where no vertex is held
     colours: np.ndarray  # (3 m, 4) uint8: colours of the corners
+    gradients: bool  # whether colours differ within a triangle
+
+
+def has_gradients(colours: np.ndarray) -> bool:
+    """Whether corners' colours (3 m, 4) differ within a triangle."""
+    packed = np.ascontiguousarray(colours).view(np.uint32).reshape(-1, 3)
+    return bool((packed != packed[:, :1]).any())
 
 
 def dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> tuple[Level, np.ndarray]:
@@ -94,11 +101,10 @@ def dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> 
         take_over_border_normals(
             shading, triangles, normals, level.held, finest.shading, finest.triangles, before, crease
         )
-    corners = finest.colours.reshape(-1, 3, 4)
-    if (corners == corners[:, :1]).all():  # no triangle has a colour gradient: each keeps its own
-        colours = corners[level.source].reshape(-1, 4)
-    else:
+    if finest.gradients:
         colours = sampled_colours(level.surface, finest.surface, finest.colours)
+    else:  # each triangle keeps its own
+        colours = finest.colours.reshape(-1, 3, 4)[level.source].reshape(-1, 4)
     return level_of(points, triangles, shading, colours, None, level.error * scale, level.outward), colours
 
 

@@ -68,6 +68,27 @@ def weld(points: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 @allocating_kernel()
+def compacted(triangles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (k,) int32 of n that triangles (m, 3) use, in their order, and triangles (m, 3) int32 over these."""
+    number = np.full(n, -1, np.int32)
+    for t in range(len(triangles)):
+        for e in range(3):
+            number[triangles[t, e]] = 0
+    used = np.empty(n, np.int32)
+    count = 0
+    for v in range(n):
+        if number[v] == 0:
+            number[v] = count
+            used[count] = v
+            count += 1
+    local = np.empty((len(triangles), 3), np.int32)
+    for t in range(len(triangles)):
+        for e in range(3):
+            local[t, e] = number[triangles[t, e]]
+    return used[:count].copy(), local
+
+
+@allocating_kernel()
 def is_degenerate(points: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether three grid points, (w, 3) int32 within ±2^24, lie on one line: exact integer arithmetic."""
     ux, uy, uz = (

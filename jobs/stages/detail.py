@@ -17,6 +17,7 @@ from jobs.tasks import Assignment, content_key, content_of_arrays
 from jobs.workplace import Workplace
 
 if TYPE_CHECKING:
+    from jobs.assemble import Placed
     from jobs.detail.leaf import Member
     from jobs.detail.node import Node, Offer
     from jobs.detail.pieces import PieceSet
@@ -27,7 +28,7 @@ SECTION = "geometry.json"
 
 def make_shared(work: Assignment) -> dict[str, Any]:
     """Levels of instanced pieces that stay shared, the nodes of all their placements, and what these offer."""
-    from jobs.assemble import Placement, place_node
+    from jobs.assemble import Placement, place_levels
     from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
     from jobs.detail.offers import affordable, save_offers
 
@@ -54,7 +55,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
                 Placement(part, int(instances[part]), model.parts["matrix"][part], float(shapes.stretch[part]))
                 for part in parts
             ]
-            out.place(nodes, place_node(leaf.node, placements, model.grid, out.geometries))
+            out.place(nodes, place_levels(leaf.node, placements, model.grid, out.geometries))
             yield 0, leaf.node
 
     record = out.write(levels())
@@ -64,7 +65,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
 
 def make_nodes(work: Assignment) -> dict[str, Any]:
     """The nodes of a fragment of the tree, from its leaves up to its root, and what the root offers."""
-    from jobs.assemble import Placement, place_node
+    from jobs.assemble import Placement, place_levels
     from jobs.detail.inner import make_inner
     from jobs.detail.leaf import MOST_LEVELS, Member, gather, make_leaf, place_offer
     from jobs.detail.offers import load_offers, save_offers
@@ -105,7 +106,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 
     def add(node: int, made: Node) -> None:
         whole = Placement(_part_of(shapes, node), -1, np.eye(3, 4), 1.0)
-        out.place([node], place_node(made, [whole], model.grid, out.geometries))
+        out.place([node], place_levels(made, [whole], model.grid, out.geometries))
 
     offered: list[list[Offer]] = []
 
@@ -195,23 +196,23 @@ def geometry_section_of(place: Workplace, key: str) -> dict[str, Any]:
 
 @dataclass
 class _Output:
-    """Nodes as they are made: their rows, and their geometry in a shard."""
+    """Nodes as they are made: where they lie, and their geometry in a shard."""
 
     work: Assignment
     geometries: int = 0  # meshes placed so far
     places: list[np.ndarray] = field(default_factory=list)
-    rows: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
+    placed: list[Placed] = field(default_factory=list)
     extra: dict[str, Any] = field(default_factory=dict)
 
-    def place(self, nodes: Sequence[int], rows: tuple[np.ndarray, np.ndarray]) -> None:
-        """Notes the rows of the nodes that one node's levels, written next, are drawn for."""
+    def place(self, nodes: Sequence[int], placed: Sequence[Placed]) -> None:
+        """Notes the nodes that one node's levels, written next, are drawn for, and where."""
         self.places.append(np.asarray(nodes, np.int64))
-        self.rows.append(rows)
-        self.geometries += int(rows[0]["levels"][0])
+        self.placed += placed
+        self.geometries += len(placed[0].triangles)
 
     def write(self, made: Iterator[tuple[int, Node]]) -> dict[str, Any]:
         """Writes the levels of all nodes, and the rows; returns the task's record."""
-        from jobs.assemble import join_rows
+        from jobs.assemble import make_rows
         from storage.writer import write_geometry_shard
 
         levels = (
@@ -226,7 +227,7 @@ class _Output:
         )
         shard = write_geometry_shard(self.work.place.store, levels)  # type: ignore[arg-type]
         places = np.concatenate([np.zeros(0, np.int64), *self.places])
-        nodes, drawables = join_rows(self.rows)
+        nodes, drawables = make_rows(self.placed)
         save_array(self.work.out / "places.npy", places)
         save_array(self.work.out / "nodes.npy", nodes)
         save_array(self.work.out / "drawables.npy", drawables)

@@ -21,6 +21,7 @@ from jobs.detail.borders import indices_of
 from jobs.detail.closest import Surface
 from jobs.detail.face_normals import face_normals
 from jobs.detail.levels import CoarseLevel
+from storage.kernels import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +85,14 @@ class Finest(NamedTuple):
     gradients: bool  # whether colours differ within a triangle
 
 
+@kernel()
 def has_gradients(colours: np.ndarray) -> bool:
     """Whether corners' colours (3 m, 4) differ within a triangle."""
-    packed = np.ascontiguousarray(colours).view(np.uint32).reshape(-1, 3)
-    return bool((packed != packed[:, :1]).any())
+    for corner in range(0, len(colours), 3):
+        for c in range(4):
+            if colours[corner, c] != colours[corner + 1, c] or colours[corner, c] != colours[corner + 2, c]:
+                return True
+    return False
 
 
 def dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> tuple[Level, np.ndarray]:

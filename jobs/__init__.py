@@ -11,8 +11,8 @@ Read in this order:
     pipeline       all of the above in order; stages/ holds the work of each task, plan their keys and sizes,
                    import_memory the size of an import
     tasks          what a task is, when it is finished; workplace holds their results, arrays writes them
-    executors      tasks in this process; ray_executor: tasks on a cluster (the only module that knows Ray);
-                   choose_executor: which of them
+    executors      tasks in this process, or elsewhere once they take long; ray_executor: tasks on a cluster (the only
+                   module that knows Ray); choose_executor: which of them
     verify         an oracle for finished stores
     commands       the command line
 

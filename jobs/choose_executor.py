@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 
-from jobs.executors import Executor, SerialExecutor
+from jobs.executors import Executor, GrowingExecutor, SerialExecutor
 from storage.errors import MissingDependencyError, ParameterError
 
 #: Input size, in bytes, above which "auto" means Ray: about 10 to 20 seconds of work for one core.
@@ -16,16 +16,17 @@ def choose_executor(name: str, workers: int | None, ray_address: str | None, inp
     """The executor that a user asked for: "serial", "ray", or "auto".
 
     "auto" is Ray if a cluster's address is given (or stands in RAY_ADDRESS), or if Ray is installed, there are two
-    cores or more and the input is larger than AUTO_RAY_BYTES: starting Ray takes seconds that a small model never earns
-    back.
+    cores or more and the input is larger than AUTO_RAY_BYTES; with a smaller input, as soon as the work has taken a
+    while: starting Ray takes seconds that little work never earns back.
     workers: tasks at once; None for all cores. Raises ParameterError for what does not fit together, and
     MissingDependencyError if Ray is asked for and not installed.
     """
     address = ray_address or os.environ.get("RAY_ADDRESS") or None
     installed = importlib.util.find_spec("ray") is not None
     cores = workers or os.cpu_count() or 1
+    growing = name == "auto" and not address and installed and cores > 1 and input_bytes <= AUTO_RAY_BYTES
     if name == "auto":
-        name = "ray" if address or (installed and cores > 1 and input_bytes > AUTO_RAY_BYTES) else "serial"
+        name = "ray" if address or (installed and cores > 1) else "serial"
     if name == "serial":
         if ray_address or (workers or 1) > 1:
             raise ParameterError(
@@ -36,4 +37,5 @@ def choose_executor(name: str, workers: int | None, ray_address: str | None, inp
         raise MissingDependencyError("--executor ray needs Ray, which is not installed: pip install 'vlod[jobs]'")
     from jobs.ray_executor import RayExecutor
 
-    return RayExecutor(workers, address)
+    ray = RayExecutor(workers, address)
+    return GrowingExecutor(ray) if growing else ray

@@ -143,7 +143,8 @@ class _Corners(click.Option):
     default="auto",
     show_default=True,
     help="Where tasks run. auto: on Ray if a cluster's address is given (--ray-address or RAY_ADDRESS), or if Ray is "
-    "installed, there are two cores or more and the input is larger than 4 MB; else one by one in this process.",
+    "installed and there are two cores or more; but one by one in this process as long as an input of less than 4 MB "
+    "takes less than 10 seconds.",
 )
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks at once on Ray. Default: all cores.")
 @click.option("--ray-address", metavar="ADDRESS", help="Join this Ray cluster. Default: start Ray on this machine.")

@@ -1,4 +1,4 @@
-"""Running tasks: the protocol, and the executor that runs them in this process.
+"""Running tasks: the protocol, the executor that runs them in this process, and one that hands them on in time.
 
 An executor yields results as they come, in no promised order; whoever needs an order sorts by key. `then` may name new
 tasks for a result, which join the same run: this is how waves of cells grow. Finished tasks are not run again.
@@ -6,12 +6,16 @@ tasks for a result, which join the same run: this is how waves of cells grow. Fi
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
 from jobs.tasks import Task, TaskResult, find_finished, run_task
 from jobs.workplace import Workplace
+
+#: Seconds of work in this process before a `GrowingExecutor` grows.
+PATIENCE = 10.0
 
 Then = Callable[[TaskResult], Iterable[Task]]
 
@@ -24,8 +28,15 @@ def no_more(_result: TaskResult) -> Iterable[Task]:
 class Executor(Protocol):
     """Runs tasks somewhere."""
 
-    name: str
-    workers: int  # tasks at once
+    @property
+    def name(self) -> str:
+        """What users call it."""
+        ...
+
+    @property
+    def workers(self) -> int:
+        """Tasks at once."""
+        ...
 
     def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
         """Runs tasks, and those that `then` names for each result, and yields the results in order of completion.
@@ -68,15 +79,58 @@ class SerialExecutor:
         """See `Executor.run`."""
         backlog = Backlog(tasks, then)
         while (task := backlog.next()) is not None:
-            try:
-                result = find_finished(task, place) or run_task(task, place)
-            except SystemError as error:
-                # An interrupt that comes while a compiled kernel runs leaves it in this disguise.
-                if isinstance(error.__cause__, KeyboardInterrupt):
-                    raise KeyboardInterrupt from None
-                raise
+            result = find_finished(task, place) or _run_here(task, place)
             backlog.add_followers(result)
             yield result
 
     def close(self) -> None:
         """Nothing to give back."""
+
+
+class GrowingExecutor:
+    """Runs tasks in this process at first, and on another executor once they have taken a while.
+
+    For work that nothing tells the length of: starting workers takes seconds that short work never earns back.
+    """
+
+    def __init__(self, larger: Executor, patience: float = PATIENCE) -> None:
+        """larger: where tasks go after `patience` seconds of work."""
+        self._larger = larger
+        self._patience = patience
+
+    @property
+    def name(self) -> str:
+        """That of the executor which runs tasks now."""
+        return self._larger.name if self._patience <= 0 else SerialExecutor.name
+
+    @property
+    def workers(self) -> int:
+        """Tasks at once, now."""
+        return self._larger.workers if self._patience <= 0 else SerialExecutor.workers
+
+    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
+        """See `Executor.run`."""
+        backlog = Backlog(tasks, then)
+        while self._patience > 0 and (task := backlog.next()) is not None:
+            result = find_finished(task, place)
+            if result is None:
+                began = time.perf_counter()
+                result = _run_here(task, place)
+                self._patience -= time.perf_counter() - began
+            backlog.add_followers(result)
+            yield result
+        yield from self._larger.run(iter(backlog.next, None), place, then)
+
+    def close(self) -> None:
+        """See `Executor.close`."""
+        self._larger.close()
+
+
+def _run_here(task: Task, place: Workplace) -> TaskResult:
+    try:
+        return run_task(task, place)
+    except SystemError as error:
+        # An interrupt that comes while a compiled kernel runs leaves it in this disguise.
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        raise

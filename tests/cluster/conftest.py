@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from jobs.executors import Executor, SerialExecutor
+from jobs.executors import Executor, GrowingExecutor, SerialExecutor
 from jobs.ray_executor import RayExecutor
 from jobs.workplace import Workplace
 
@@ -18,10 +18,12 @@ def ray_executor() -> Iterator[RayExecutor]:
     executor.close()
 
 
-@pytest.fixture(params=["serial", pytest.param("ray", marks=pytest.mark.slow)])
+@pytest.fixture(params=["serial", "growing", "grown", pytest.param("ray", marks=pytest.mark.slow)])
 def executor(request: pytest.FixtureRequest) -> Executor:
     if request.param == "serial":
         return SerialExecutor()
+    if request.param in ("growing", "grown"):  # while it works by itself, and after that
+        return GrowingExecutor(SerialExecutor(), patience=1e-3 if request.param == "growing" else 0.0)
     return request.getfixturevalue("ray_executor")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from jobs.choose_executor import choose_executor
 from jobs.errors import MemoryLimitError, WorkerLostError
-from jobs.executors import SerialExecutor
+from jobs.executors import GrowingExecutor, SerialExecutor
 from jobs.ray_executor import ATTEMPTS, RayExecutor
 from jobs.tasks import Task
 from storage.errors import ModelError, ParameterError
@@ -118,10 +118,43 @@ def test_ray_is_not_started_when_all_is_finished(place, log):
     executor.close()
 
 
+def test_long_work_is_handed_on(place, log):
+    larger = SerialExecutor()
+    larger.name, larger.workers = "larger", 7
+    executor = GrowingExecutor(larger, patience=0.25)
+    seen = []
+    for number in range(5):
+        task = square_task(number, log=str(log), seconds=0.1)
+        results = list(executor.run([task], place, lambda result: [result.task] if len(seen) > 9 else []))
+        seen.append((executor.name, executor.workers))
+        assert [result.record["square"] for result in results] == [number * number]
+    assert seen[0] == ("serial", 1)
+    assert seen[-1] == ("larger", 7)
+    assert seen == sorted(seen, key=lambda entry: entry[1])
+    # what was finished before costs no patience
+    executor = GrowingExecutor(larger, patience=1e-9)
+    assert [result.reused for result in executor.run([square_task(1, log=str(log), seconds=0.1)], place)] == [True]
+    assert executor.name == "serial"
+
+
+@pytest.mark.slow
+def test_what_follows_from_early_results_runs_after_the_handing_on(ray_executor, place, log):
+    def next_one(result):
+        number = result.task.payload["number"]
+        return [square_task(number - 1, log=str(log), seconds=0.05)] if number > 0 else []
+
+    executor = GrowingExecutor(ray_executor, patience=0.12)
+    results = list(executor.run([square_task(6, log=str(log), seconds=0.05)], place, next_one))
+    assert sorted(result.record["square"] for result in results) == [n * n for n in range(7)]
+    assert executor.name == "ray"
+    assert runs(log) == 7
+
+
 def test_choosing_an_executor(monkeypatch):
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     assert choose_executor("serial", None, None, 1 << 40).name == "serial"
-    assert choose_executor("auto", None, None, 1000).name == "serial"
+    assert choose_executor("auto", 2, None, 1000).name == "serial"
+    assert isinstance(choose_executor("auto", 2, None, 1000), GrowingExecutor)
     assert choose_executor("auto", 2, None, 1 << 40).name == "ray"
     assert choose_executor("auto", 1, None, 1 << 40).name == "serial"
     assert choose_executor("auto", None, "host:6379", 0).name == "ray"

@@ -18,14 +18,15 @@ WRONG = Stage("wrong", "tests.cluster.toy_stages:wrong", _CODE)
 SLOW = Stage("slow", "tests.cluster.toy_stages:slow", _CODE)
 
 
-def square_task(number: int, **places: str) -> Task:
-    """A task that squares a number; it notes each run in places["log"]."""
-    return Task(SQUARE, {"number": number}, places, memory=50 << 20)
+def square_task(number: int, seconds: float = 0.0, **places: str) -> Task:
+    """A task that squares a number and takes some seconds for it; it notes each run in places["log"]."""
+    return Task(SQUARE, {"number": number, "seconds": seconds}, places, memory=50 << 20)
 
 
 def square(work: Assignment) -> dict[str, Any]:
     """Squares a number."""
     _note(work)
+    time.sleep(work.payload["seconds"])
     number = work.payload["number"]
     (work.out / "square.txt").write_text(str(number * number))
     return {"square": number * number}

@@ -87,9 +87,7 @@ def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_
             errors = [error * to.stretch * (1 + 1e-12) + snapping for error in errors]
         lo, hi = np.empty((len(levels), 3)), np.empty((len(levels), 3))
         for number, level in enumerate(levels):
-            _placed_box(
-                level.positions, level.triangles, to.matrix, moved, made.scale, grid.step, lo[number], hi[number]
-            )
+            _placed_box(level.positions, to.matrix, moved, made.scale, grid.step, lo[number], hi[number])
         placed.append(Placed(to.part, to.instance, first_geometry, triangles, one_sided, errors, lo, hi))
     return placed
 
@@ -189,26 +187,21 @@ def float32_down(values: ArrayLike) -> np.ndarray:
 
 @kernel()
 def _placed_box(
-    positions: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, moved: bool, scale: float, step: float,
-    lo: np.ndarray, hi: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the box lo, hi (3,) of a placed mesh.
+    positions: np.ndarray, matrix: np.ndarray, moved: bool, scale: float, step: float, lo: np.ndarray, hi: np.ndarray
+) -> None:
+    """Write the box lo, hi (3,) of a placed mesh, of whose vertices each is used.
 
     positions (n, 3) int32 times scale, moved by a matrix (3, 4) if `moved`, lie on the grid of `step` as the store
     gives them out (storage.tables: `transform_points`, `Grid.snap`).
     """
     for i in range(3):
         lo[i], hi[i] = np.inf, -np.inf
-    for t in range(len(triangles)):
-        for e in range(3):
-            v = triangles[t, e]
-            x, y, z = positions[v, 0], positions[v, 1], positions[v, 2]
-            for i in range(3):
-                place = np.int64(positions[v, i])
-                if moved:
-                    at = (
-                        (matrix[i, 0] * (x * scale) + matrix[i, 1] * (y * scale)) + matrix[i, 2] * (z * scale)
-                    ) + matrix[i, 3]
-                    place = np.int64(np.rint(at * (1.0 / step)))
-                p = place * step
-                lo[i], hi[i] = min(lo[i], p), max(hi[i], p)
+    for v in range(len(positions)):
+        x, y, z = positions[v, 0] * scale, positions[v, 1] * scale, positions[v, 2] * scale
+        for i in range(3):
+            place = np.int64(positions[v, i])
+            if moved:
+                at = ((matrix[i, 0] * x + matrix[i, 1] * y) + matrix[i, 2] * z) + matrix[i, 3]
+                place = np.int64(np.rint(at * (1.0 / step)))
+            p = place * step
+            lo[i], hi[i] = min(lo[i], p), max(hi[i], p)

@@ -24,7 +24,7 @@ def choose_executor(name: str, workers: int | None, ray_address: str | None, inp
     address = ray_address or os.environ.get("RAY_ADDRESS") or None
     installed = importlib.util.find_spec("ray") is not None
     cores = workers or os.cpu_count() or 1
-    growing = name == "auto" and not address and installed and cores > 1 and input_bytes <= AUTO_RAY_BYTES
+    growing = name == "auto" and not address and input_bytes <= AUTO_RAY_BYTES
     if name == "auto":
         name = "ray" if address or (installed and cores > 1) else "serial"
     if name == "serial":

@@ -122,6 +122,16 @@ def closest_weights(corners: np.ndarray, k: int, x: float, y: float, z: float) -
 
 
 @kernel(inline="always")
+def _from_edge2(u: float, v: float, fu: float, fv: float, length: float) -> float:
+    """Squared distance in the plane of (u, v) to an edge from the origin along the unit vector (fu, fv)."""
+    s = u * fu + v * fv
+    s = s if s > 0.0 else 0.0
+    s = s if s < length else length
+    du, dv = u - s * fu, v - s * fv
+    return du * du + dv * dv
+
+
+@kernel(inline="always")
 def distance2(frames: np.ndarray, k: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to triangle k of frames (m, FRAME)."""
     x, y, z = x - frames[k, 0], y - frames[k, 1], z - frames[k, 2]
@@ -129,26 +139,15 @@ def distance2(frames: np.ndarray, k: int, x: float, y: float, z: float) -> float
     u = x * frames[k, 6] + y * frames[k, 7] + z * frames[k, 8]
     v = x * frames[k, 9] + y * frames[k, 10] + z * frames[k, 11]
     base = frames[k, 12]
-    s = u if u > 0.0 else 0.0
-    s = s if s < base else base
-    du = u - s
-    best2 = du * du + v * v
-    fu, fv, length = frames[k, 13], frames[k, 14], frames[k, 15]
+    best2 = _from_edge2(u, v, 1.0, 0.0, base)
+    fu, fv = frames[k, 13], frames[k, 14]
     inside = (v > 0.0) & (fu * v < fv * u)
-    s = u * fu + v * fv
-    s = s if s > 0.0 else 0.0
-    s = s if s < length else length
-    du, dv = u - s * fu, v - s * fv
-    d2 = du * du + dv * dv
+    d2 = _from_edge2(u, v, fu, fv, frames[k, 15])
     best2 = best2 if best2 < d2 else d2
     u -= base
-    fu, fv, length = frames[k, 16], frames[k, 17], frames[k, 18]
+    fu, fv = frames[k, 16], frames[k, 17]
     inside &= fu * v > fv * u
-    s = u * fu + v * fv
-    s = s if s > 0.0 else 0.0
-    s = s if s < length else length
-    du, dv = u - s * fu, v - s * fv
-    d2 = du * du + dv * dv
+    d2 = _from_edge2(u, v, fu, fv, frames[k, 18])
     best2 = best2 if best2 < d2 else d2
     best2 = 0.0 if inside else best2
     return best2 + height * height

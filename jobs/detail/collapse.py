@@ -405,15 +405,10 @@ def _beyond(state: State, a: int, u: int, v: int) -> tuple[bool, bool]:
 @allocating_kernel()
 def collapse(state: State, target: int, limit: float) -> None:
     """Collapse edges until at most `target` triangles are left, or the next error is above `limit` (grid steps)."""
-    _collapse(state, target, limit, np.empty((1, 9)))
-
-
-@kernel()
-def _collapse(state: State, target: int, limit: float, at: np.ndarray) -> None:
-    """See `collapse`; at: (1, 9) float64 scratch space."""
     heap, edge, p = state.heap, state.heap_edge, state.positions
     version, triangles, alive = state.version, state.triangles, state.alive
     quadrics, locked = state.quadrics, state.locked
+    at = np.empty((1, 9))
     while state.counts[_LEFT] > target and state.counts[_HEAP] > 0:
         cost = heap[0]
         if cost > limit:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.closest import Surface, Tree, closest, distance2
+from jobs.detail.closest import Surface, closest, distance2
 from jobs.detail.cover import covered
 from jobs.detail.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
 from storage.kernels import allocating_kernel, kernel
@@ -69,20 +69,25 @@ def point_distances(points: np.ndarray, surface: Surface, lower2: float) -> tupl
     of all is exact in any case.
     """
     nearest, squared = np.empty(len(points), np.int32), np.empty(len(points))
-    _look_up(points, surface.tree, lower2, np.empty(128, np.int32), nearest, squared)
+    query = np.empty(128, np.int32)
+    hint = 0
+    for i in range(len(points)):
+        hint, squared[i] = closest(surface.tree, query, points[i, 0], points[i, 1], points[i, 2], hint, NEAR2 * lower2)
+        lower2 = max(lower2, squared[i])
+        nearest[i] = hint
     return nearest, squared
 
 
 @kernel()
-def _look_up(
-    points: np.ndarray, tree: Tree, lower2: float, query: np.ndarray, nearest: np.ndarray, squared: np.ndarray
-) -> None:
-    """See `point_distances`."""
-    hint = 0
-    for i in range(len(points)):
-        hint, squared[i] = closest(tree, query, points[i, 0], points[i, 1], points[i, 2], hint, NEAR2 * lower2)
-        lower2 = max(lower2, squared[i])
-        nearest[i] = hint
+def _corners2(points: np.ndarray, triangles: np.ndarray, t: int, frames: np.ndarray, k: int, most2: float) -> float:
+    """The largest squared distance of triangle t's corners from triangle k of frames; or one that is above most2."""
+    worst2 = 0.0
+    for e in range(3):
+        i = triangles[t, e]
+        worst2 = max(worst2, distance2(frames, k, points[i, 0], points[i, 1], points[i, 2]))
+        if worst2 > most2:
+            break
+    return worst2
 
 
 @kernel()
@@ -114,12 +119,7 @@ def _bound_whole(
     query, seen, flood = scratch.parts.query, scratch.seen, scratch.flood
     limit2 = enough2(wanted)
     # most triangles lie above a single one, and often above the one that the last triangle lay above
-    best2 = 0.0
-    for e in range(3):
-        i = triangles[t, e]
-        best2 = max(best2, distance2(frames, last, points[i, 0], points[i, 1], points[i, 2]))
-        if best2 > limit2:
-            break
+    best2 = _corners2(points, triangles, t, frames, last, limit2)
     if best2 <= limit2:
         return best2, last, wanted
     for e in range(3):
@@ -139,12 +139,7 @@ def _bound_whole(
         if best2 <= limit2:
             return best2, start, wanted
         k = nearest[triangles[t, attempt]]
-        worst2 = 0.0
-        for e in range(3):
-            i = triangles[t, e]
-            worst2 = max(worst2, distance2(frames, k, points[i, 0], points[i, 1], points[i, 2]))
-            if worst2 > best2:
-                break
+        worst2 = _corners2(points, triangles, t, frames, k, best2)
         if worst2 < best2:
             best2 = worst2
             start = k

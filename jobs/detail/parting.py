@@ -90,6 +90,22 @@ def reached(wanted: Wanted, distance2: float) -> Wanted:
     return Wanted(max(wanted.lower2, distance2), wanted.slack2, wanted.floor2, wanted.loosened, wanted.effort)
 
 
+@kernel(inline="always")
+def _tried(wanted: Wanted, whole_effort: int) -> Wanted:
+    """The same after one piece more; less close where effort has run out."""
+    if wanted.effort > 0:
+        return Wanted(wanted.lower2, wanted.slack2, wanted.floor2, wanted.loosened, wanted.effort - 1)
+    return Wanted(wanted.lower2, wanted.slack2, wanted.floor2, wanted.loosened * LOOSER, whole_effort)
+
+
+@kernel(inline="always")
+def _copy(polygon: np.ndarray, n: int, to: np.ndarray) -> None:
+    """Copy the n corners of a polygon."""
+    for i in range(n):
+        for c in range(3):
+            to[i, c] = polygon[i, c]
+
+
 @kernel()
 def _corner_bound(frames: np.ndarray, k: int, polygon: np.ndarray, n: int) -> tuple[float, int]:
     """The largest squared distance of the polygon's n corners to triangle k, and which corner has it."""
@@ -267,15 +283,11 @@ def _part_along_edges(
         beyond = twin[3 * face + edge]
         if n_in == 0:
             return top, n, beyond // 3 if beyond >= 0 else -1
-        for i in range(n_out):
-            for c in range(3):
-                stack[top, i, c] = other[i, c]
+        _copy(other, n_out, stack[top])
         sizes[top], hints[top] = n_out, beyond // 3 if beyond >= 0 else face
         top += 1
         n = n_in
-        for i in range(n):
-            for c in range(3):
-                polygon[i, c] = rest[i, c]
+        _copy(rest, n, polygon)
     return top, n, face
 
 
@@ -302,12 +314,8 @@ def _halve(
     n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, side, rest, other)
     if n_in == 0 or n_out == 0:
         return top
-    for i in range(n_in):
-        for c in range(3):
-            stack[top, i, c] = rest[i, c]
-    for i in range(n_out):
-        for c in range(3):
-            stack[top + 1, i, c] = other[i, c]
+    _copy(rest, n_in, stack[top])
+    _copy(other, n_out, stack[top + 1])
     sizes[top], sizes[top + 1] = n_in, n_out
     return top + 2
 
@@ -326,7 +334,6 @@ def bound_by_parts(
     depths, walks, polygon, side = parts.depths, parts.walks, parts.polygon, parts.side
     rest, other = parts.rest, parts.other
     bound2 = 0.0
-    lower2, slack2, floor2, loosened, effort = wanted
     limit2 = enough2(wanted)
     for e in range(3):
         for c in range(3):
@@ -340,9 +347,7 @@ def bound_by_parts(
         depth = depths[top]
         k = hints[top]
         walked = walks[top]
-        for i in range(n):
-            for c in range(3):
-                polygon[i, c] = stack[top, i, c]
+        _copy(stack[top], n, polygon)
         here2 = _height(planes, k, polygon, n) if walked == ABOVE else np.inf
         if here2 > limit2:
             here2 = _within(frames, k, polygon, n, limit2)
@@ -352,10 +357,9 @@ def bound_by_parts(
         # of a piece that is small compared with what is allowed, its centre tells enough
         x, y, z, radius2 = _ball(polygon, n)
         if radius2 <= COMPACT2 * limit2:
-            _, d2 = closest(tree, query, x, y, z, k, NEAR2 * lower2)
-            if d2 > lower2:
-                lower2 = d2
-                limit2 = max(slack2 * lower2, floor2) * loosened
+            _, d2 = closest(tree, query, x, y, z, k, NEAR2 * wanted.lower2)
+            wanted = reached(wanted, d2)
+            limit2 = enough2(wanted)
             here2 = (np.sqrt(d2) + np.sqrt(radius2)) ** 2
             if here2 <= limit2:
                 bound2 = max(bound2, here2)
@@ -375,9 +379,8 @@ def bound_by_parts(
                 0.0,
             )
             here2 = min(here2, _around2(polygon, n, worst, d2))
-            if d2 > lower2:
-                lower2 = d2
-                limit2 = max(slack2 * lower2, floor2) * loosened
+            wanted = reached(wanted, d2)
+            limit2 = enough2(wanted)
             cut = cut and nearer != k
             if nearer != k:
                 k = nearer
@@ -386,13 +389,10 @@ def bound_by_parts(
             if here2 <= limit2:
                 bound2 = max(bound2, here2)
                 continue
-        effort -= 1
-        if effort < 0:  # less closely, then
-            effort = whole_effort
-            loosened *= LOOSER
-            limit2 = max(slack2 * lower2, floor2) * loosened
+        wanted = _tried(wanted, whole_effort)
+        limit2 = enough2(wanted)
         if depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
-            _, d2 = closest(tree, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k, NEAR2 * lower2)
+            _, d2 = closest(tree, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k, NEAR2 * wanted.lower2)
             here2 = min(here2, _around2(polygon, n, 0, d2))
             bound2 = max(bound2, min(here2, _corner_bound(frames, k, polygon, n)[0]))
             continue
@@ -402,9 +402,7 @@ def bound_by_parts(
             for s in range(bottom, top):
                 walks[s] = 0
             if top > bottom or not look_up:
-                for i in range(n):
-                    for c in range(3):
-                        stack[top, i, c] = polygon[i, c]
+                _copy(polygon, n, stack[top])
                 sizes[top] = n
                 hints[top] = onward if onward >= 0 else k
                 if onward == k:
@@ -422,4 +420,4 @@ def bound_by_parts(
                 walks[s] = 0
         for s in range(bottom, top):
             depths[s] = depth + 1
-    return bound2, Wanted(lower2, slack2, floor2, loosened, effort)
+    return bound2, wanted

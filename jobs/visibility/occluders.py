@@ -43,7 +43,7 @@ from jobs.visibility.front_to_back import Queue, begin_queue, make_queue, next_c
 from jobs.visibility.gaps import MOST
 from jobs.visibility.layers import add_layer, pixel_hides
 from jobs.visibility.mesh import Mesh, may_occlude
-from jobs.visibility.raster import LANES, draw_triangle
+from jobs.visibility.raster import LANES, draw_triangles
 from jobs.visibility.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
 from jobs.visibility.silhouettes import lower_limits
 from storage.kernels import allocating_kernel, kernel
@@ -194,12 +194,10 @@ def cover(
                     continue
                 if not _open_pixels(layers, face, i0, i1, j0, j1, near, inverse, limit):
                     continue
-                for k in range(n_core):
-                    draw_triangle(
-                        q, triangles, core[k], face, (i0, i1, j0, j1), polygon, True, farthest, inverse, limit
-                    )
-                for k in range(n_core_strips):
-                    draw_triangle(q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, True, farthest, inverse, limit)
+                window = (i0, i1, j0, j1)
+                draw_triangles(q, triangles, core[:n_core], face, window, polygon, True, farthest, inverse, limit)
+                strips_of_core = in_order[:n_core_strips]
+                draw_triangles(q, sealing.strips, strips_of_core, face, window, polygon, True, farthest, inverse, limit)
                 i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
                 if i0 > i1:
                     continue
@@ -219,21 +217,15 @@ def cover(
                 cores += 1
                 if n_unsafe < 0:
                     continue
-                for k in range(n_sure):
-                    draw_triangle(
-                        q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, inverse, limit
-                    )
+                window = (i0, i1, j0, j1)
+                draw_triangles(q, triangles, drawn[:n_sure], face, window, polygon, False, farthest, inverse, limit)
                 if n_strips > 0:
                     _clear(strips, i0, i1, j0, j1)
                     _clear(beyond, i0, i1, j0, j1)
-                    for k in range(n_strips):
-                        draw_triangle(
-                            q, sealing.strips, k, face, (i0, i1, j0, j1), polygon, False, farthest, strips, limit
-                        )
-                    for k in range(n_sure, n_drawn):
-                        draw_triangle(
-                            q, triangles, drawn[k], face, (i0, i1, j0, j1), polygon, False, farthest, beyond, limit
-                        )
+                    closing = in_order[:n_strips]
+                    draw_triangles(q, sealing.strips, closing, face, window, polygon, False, farthest, strips, limit)
+                    unsure = drawn[n_sure:n_drawn]
+                    draw_triangles(q, triangles, unsure, face, window, polygon, False, farthest, beyond, limit)
                     for j in range(j0, j1 + 1):
                         for i in range(i0, i1 + 1):
                             if strips[j, i] < np.inf:

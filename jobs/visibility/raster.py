@@ -37,10 +37,10 @@ EVERYWHERE = (np.float32(0.0), np.float32(0.0), np.float32(1.0))
 
 
 @kernel()
-def draw_triangle(
+def draw_triangles(
     q: np.ndarray,
     triangles: np.ndarray,
-    t: int,
+    chosen: np.ndarray,
     face: int,
     window: tuple[int, int, int, int],
     polygon: np.ndarray,
@@ -49,15 +49,25 @@ def draw_triangle(
     inverse: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Lower `inverse` to one over triangle t's largest depth in each pixel of a window that it touches.
+    """Lower `inverse` to one over the largest depth, in each pixel of a window, of each triangle that touches it.
 
     Args:
-        q: (n, 3) float64 cell coordinates; triangles: (m, 3) int32.
+        q: (n, 3) float64 cell coordinates; triangles: (m, 3) int32; chosen: (k,) int32, those that are drawn.
         window: (i0, i1, j0, j1) pixels, both ends included; to its right up to LANES pixels may be changed too.
         polygon: (4, 2) float64 scratch.
-        covers: also change limits of 0 to `farthest` where the triangle covers the pixel.
+        covers: also change limits of 0 to `farthest` where a triangle covers the pixel.
         inverse, limit: (r, r + LANES) float32.
     """
+    for i in range(chosen.shape[0]):
+        _draw(q, triangles, chosen[i], face, window, polygon, covers, np.float32(farthest), inverse, limit)
+
+
+@kernel(inline="always")
+def _draw(
+    q: np.ndarray, triangles: np.ndarray, t: int, face: int, window: tuple[int, int, int, int], polygon: np.ndarray,
+    covers: bool, farthest: np.float32, inverse: np.ndarray, limit: np.ndarray,
+) -> None:  # fmt: skip
+    """Draw triangle t."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     resolution = inverse.shape[0]
     ua, va, za = to_face(q, a, face)
@@ -82,7 +92,7 @@ def draw_triangle(
     for k in range(2, corners):
         if k == 3:
             ub, vb, uc, vc = uc, vc, polygon[3, 0], polygon[3, 1]
-        _fill(ua, va, ub, vb, uc, vc, window, wu, wv, w, least, covers, np.float32(farthest), inverse, limit)
+        _fill(ua, va, ub, vb, uc, vc, window, wu, wv, w, least, covers, farthest, inverse, limit)
 
 
 @kernel(inline="always")

@@ -3,7 +3,7 @@
     python tests/benchmarks/measure_rasteriser.py [MODEL] [--pixels 10] [--resolution 80] [--rounds 7] [--json OUT.json]
 
 The triangles of a MODEL (see `models`; the plant with a million by default), each scaled so that the box of its image
-is PIXELS wide and high, somewhere on a face, at depths of its own. Drawn one by one: transformed, clipped, set up, and
+is PIXELS wide and high, somewhere on a face, at depths of its own. Drawn in one call: transformed, clipped, set up, and
 the depths and the coverage of their pixels written. The best of some rounds counts.
 """
 
@@ -17,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.visibility.raster import LANES, draw_triangle
-from storage.kernels import kernel
+from jobs.visibility.raster import LANES, draw_triangles
 from tests.benchmarks.measure_visibility import Case
 
 FACE = 4
@@ -41,20 +40,12 @@ def placed(triangles: np.ndarray, pixels: float, resolution: int) -> np.ndarray:
     return np.concatenate([around, depth[:, :, None]], axis=2).reshape(-1, 3)
 
 
-@kernel()
-def draw_all(
-    q: np.ndarray, triangles: np.ndarray, polygon: np.ndarray, covers: bool, inverse: np.ndarray, limit: np.ndarray
-) -> None:
-    """Draw triangles (n, 3) int32 into the whole image."""
-    window = (0, inverse.shape[0] - 1, 0, inverse.shape[0] - 1)
-    for t in range(triangles.shape[0]):
-        draw_triangle(q, triangles, t, FACE, window, polygon, covers, FARTHEST, inverse, limit)
-
-
 def measure(triangles: np.ndarray, pixels: float, resolution: int, rounds: int) -> dict[str, float]:
     """Triangles a second: as cores, of which it counts what they cover, and as the others of a set."""
     q = placed(triangles, pixels, resolution)
     corners = np.arange(len(q), dtype=np.int32).reshape(-1, 3)
+    chosen = np.arange(len(corners), dtype=np.int32)
+    window = (0, resolution - 1, 0, resolution - 1)
     found = {"triangles": float(len(corners)), "pixels": float(pixels)}
     for name, covers in (("core", True), ("others", False)):
         best = np.inf
@@ -62,7 +53,7 @@ def measure(triangles: np.ndarray, pixels: float, resolution: int, rounds: int) 
             inverse = np.full((resolution, resolution + LANES), np.inf, np.float32)
             limit = np.zeros_like(inverse)
             began = time.thread_time()
-            draw_all(q, corners, np.empty((4, 2)), covers, inverse, limit)
+            draw_triangles(q, corners, chosen, FACE, window, np.empty((4, 2)), covers, FARTHEST, inverse, limit)
             best = min(best, time.thread_time() - began)
         found[f"{name}_per_second"] = len(corners) / best
     return found

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.visibility.raster import LANES, draw_triangle
+from jobs.visibility.raster import LANES, draw_triangles
 
 R = 40
 FARTHEST = 1e4
@@ -39,9 +39,8 @@ def drawn(q: np.ndarray, window: tuple[int, int, int, int] = (0, R - 1, 0, R - 1
     """(r, r) one over the depths and the limits that drawing the corners q (3, 3) leaves."""
     inverse, limit = np.full((R, R + LANES), np.inf, np.float32), np.zeros((R, R + LANES), np.float32)
     limit[:, ::7] = -1
-    draw_triangle(
-        q, np.array([[0, 1, 2]], np.int32), 0, 4, window, np.empty((4, 2)), True, FARTHEST, inverse, limit
-    )  # fmt: skip
+    triangles, chosen = np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)
+    draw_triangles(q, triangles, chosen, 4, window, np.empty((4, 2)), True, FARTHEST, inverse, limit)
     return inverse[:, :R], limit[:, :R]
 
 

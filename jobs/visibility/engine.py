@@ -206,7 +206,7 @@ class Engine:
         standing = self._standing(places if soup.gaps else visible)
         proven = self._prove(lo, hi, visible, standing, glimpses or self._glimpse(visible))
         if decides:
-            visible, proven = self._decide(lo, hi, visible, standing, proven)
+            visible, proven = self._decide(lo, hi, visible, standing, proven, most_triangles)
             if most_triangles is not None and soup.triangle_counts[visible].sum() > most_triangles:
                 return None
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
@@ -216,19 +216,28 @@ class Engine:
         return ray_tree.prune(self._scene, self._tree, places)
 
     def _decide(
-        self, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, standing: ray_tree.Scene, proven: np.ndarray
+        self,
+        lo: np.ndarray,
+        hi: np.ndarray,
+        visible: np.ndarray,
+        standing: ray_tree.Scene,
+        proven: np.ndarray,
+        most_triangles: int | None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """What is visible (k,) and what of it is proven (p,), once shafts have decided what they can.
 
-        standing: what may stand before what is seen.
+        standing: what may stand before what is seen; most_triangles: go no further once it is sure to be more.
         """
         soup = self.soup
+        surely = int(soup.triangle_counts[proven].sum())
+        allowed = np.iinfo(np.int64).max if most_triangles is None else most_triangles - surely
         hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
         seen[proven] = True
         closing_sets.forget_marks(self._work)
         undecided.decide(
             standing, self._mesh, self._work, self._parts, visible[~seen[visible]], soup.drawable_clusters,
-            self._clusters, lo, hi, self._layers, self.settings.shafts, self.settings.least_worth, hidden, seen,
+            self._clusters, lo, hi, self._layers, self.settings.shafts, self.settings.least_worth,
+            soup.triangle_counts, allowed, hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 

@@ -347,6 +347,12 @@ def _worth(turns: Turns, k: int, triangles: int) -> float:
     return triangles / (turns.waiting[k] / max(1.0 - 2.0 * turns.open[k], LEAST_PROGRESS))
 
 
+@kernel(inline="always")
+def _hopeful(turns: Turns, k: int, triangles: int, least_worth: float) -> bool:
+    """Whether shafts of a drawable wait that may be worth looking at."""
+    return turns.waiting[k] > 0 and _worth(turns, k, triangles) > least_worth
+
+
 @kernel()
 def _find_open(
     mesh: Mesh, first_cluster: int, end_cluster: int, clusters: Clusters, layers: np.ndarray, polygon: np.ndarray,
@@ -420,7 +426,7 @@ def _take_turn(
 def decide(
     scene: Scene, mesh: Mesh, work: Work, parts: Parts, chosen: np.ndarray,
     first_cluster: np.ndarray, clusters: Clusters, lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, most: int,
-    least_worth: float, hidden: np.ndarray, proven: np.ndarray,
+    least_worth: float, triangle_counts: np.ndarray, allowed: int, hidden: np.ndarray, proven: np.ndarray,
 ) -> int:  # fmt: skip
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
@@ -432,6 +438,8 @@ def decide(
         lo, hi: (3,) float64 the cell, grid units.
         layers: see `occludees`: parts that these hide are not looked at again.
         most: shafts in all; least_worth: triangles to save for each shaft, or a drawable is given up.
+        triangle_counts: (drawables,) int64; allowed: go no further once drawables with more triangles than this are
+            sure to stay.
         hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
 
     Returns:
@@ -464,8 +472,11 @@ def decide(
         _box(scene, order, parts, at)
         _append(parts, turns, k, at)
         begin = end
-    shafts, hint = 0, -1
-    while shafts < most:
+    shafts, hint, staying = 0, -1, 0
+    for k in range(n):
+        if not hidden[chosen[k]] and not _hopeful(turns, k, counts[k], least_worth):
+            staying += triangle_counts[chosen[k]]
+    while shafts < most and staying <= allowed:
         k, best = -1, least_worth
         for other in range(n):
             if turns.waiting[other] > 0 and _worth(turns, other, counts[other]) > best:
@@ -478,6 +489,8 @@ def decide(
         shafts += looked
         if found == CLOSED:
             hidden[chosen[k]] = True
-        elif found == SEEN:
+        elif not _hopeful(turns, k, counts[k], least_worth):
+            staying += triangle_counts[chosen[k]]
+        if found == SEEN:
             proven[chosen[k]] = True
     return shafts

@@ -117,6 +117,21 @@ def test_it_gives_up_where_the_cell_will_be_split_anyway() -> None:
     assert engine.visible_from(lo, hi, soup.drawables, 120) is not None
 
 
+def test_a_limit_only_decides_whether_there_is_an_answer() -> None:
+    # with so few pixels it is left to shafts to hide most of what is behind the walls
+    coarse = EngineSettings(resolution=16, layers=1, proof_resolution=32)
+    engine = Engine(soup_of(rooms(np.random.default_rng(3), 4)), coarse)
+    soup, lo, hi = engine.soup, np.full(3, 1900.0), np.full(3, 2100.0)
+    whole = see(engine, lo, hi, soup.drawables)
+    count = int(soup.triangle_counts[soup.places(whole.visible)].sum())
+    for most in range(count - 12, count + 12):
+        found = engine.visible_from(lo, hi, soup.drawables, most)
+        assert (found is None) == (most < count)
+        if found is not None:
+            assert found.visible.tolist() == whole.visible.tolist()
+            assert found.proven.tolist() == whole.proven.tolist()
+
+
 def test_the_same_cell_twice_gives_the_same_answer() -> None:
     soup = soup_of(rooms(np.random.default_rng(3), 3))
     lo, hi = np.array([5000.0, 5000, 1000]), np.array([5500.0, 5500, 1500])

@@ -47,6 +47,7 @@ from storage.tables import (
     PACK,
     PART,
     Grid,
+    normal_matrix,
     transform_points,
 )
 
@@ -220,8 +221,8 @@ class Geometry:
             matrix = self.instances[int(row["instance"])]["matrix"]
             placed = transform_points(matrix, local.positions * np.float64(local.scale))
             positions = (self.grid.snap(placed) * np.float64(self.grid.step)).astype(np.float32)
-            cofactors, mirrored = _cofactors(matrix)
-            normals = _unit(transform_points(cofactors, normals))
+            linear, mirrored = normal_matrix(matrix)
+            normals = _unit(transform_points(np.column_stack([linear, np.zeros(3)]), normals))
             if mirrored:
                 triangles = np.ascontiguousarray(triangles[:, [0, 2, 1]])
                 triangles.flags.writeable = False
@@ -262,7 +263,7 @@ class Geometry:
             placed[moved] = transform_points(matrices, placed[moved])
         points[:] = self.grid.snap(placed)
         used, which = np.unique(instances, return_inverse=True)
-        mirrored = np.array([n >= 0 and _cofactors(self.instances["matrix"][n])[1] for n in used])
+        mirrored = np.array([n >= 0 and normal_matrix(self.instances["matrix"][n])[1] for n in used])
         turned = np.repeat(mirrored[which], rows["triangles"])
         corners[turned] = corners[turned][:, [0, 2, 1]]
 
@@ -541,21 +542,6 @@ def open_geometry(root: str | os.PathLike[str], geometry_manifest: Mapping[str, 
     geometry_manifest: what `storage.writer.geometry_section` gave. The result has all that `Store` has but cells.
     """
     return Geometry(Files(Path(root)), geometry_manifest)
-
-
-def _cofactors(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
-    """The inverse transpose of the matrix's left 3x3, but for a positive factor, as (3, 4); and whether it mirrors.
-
-    Written out term by term: the same bits on every machine.
-    """
-    m = np.asarray(matrix, np.float64)
-    rows = np.zeros((3, 4))
-    for i in range(3):
-        for j in range(3):
-            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            rows[i, j] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
-    determinant = (m[0, 0] * rows[0, 0] + m[0, 1] * rows[0, 1]) + m[0, 2] * rows[0, 2]
-    return (-rows, True) if determinant < 0 else (rows, False)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -24,10 +24,10 @@ from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_leve
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
 from jobs.detail.pieces import FLAT_STEPS, ROUNDING, PieceSet
 from jobs.importing.model import Model
-from jobs.importing.saved import cofactors, turned
+from jobs.importing.saved import turned
 from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
 from storage.normals import from_octahedral
-from storage.tables import transform_points
+from storage.tables import normal_matrix, transform_points
 
 #: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
 OFFERED = 3
@@ -135,7 +135,7 @@ def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offe
     assert member.matrix is not None
     points = placed(offer.points, scale, member.matrix, step)
     triangles, colours = offer.triangles, offer.colours
-    if _mirrors(member.matrix):
+    if normal_matrix(member.matrix)[1]:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
         colours = _reversed(colours)
     kept = np.flatnonzero(~degenerate_triangles(points, triangles))
@@ -174,10 +174,9 @@ def _taken(model: Model, member: Member) -> _Taken:
     source = np.stack([np.full(count, member.part, np.uint32), model.source_faces[face]], axis=1)
     error = float(piece["error"]) * float(piece["scale"])
     if member.matrix is not None:
-        cofactor = cofactors(member.matrix)
-        mirrored = _mirrors(member.matrix)
+        linear, mirrored = normal_matrix(member.matrix)
         points = transform_points(member.matrix, points)
-        shading = turned(shading, -cofactor if mirrored else cofactor)
+        shading = turned(shading, linear)
         error *= member.stretch
         if mirrored:
             points, shading, colours = (
@@ -189,12 +188,6 @@ def _taken(model: Model, member: Member) -> _Taken:
 def _reversed(corners: np.ndarray) -> np.ndarray:
     """What triangles' corners (3 m, k) carry, the other way round in each."""
     return corners.reshape(len(corners) // 3, 3, -1)[:, ::-1].reshape(len(corners), -1)
-
-
-def _mirrors(matrix: np.ndarray) -> bool:
-    """Whether a (3, 4) matrix turns fronts into backs."""
-    row = matrix[0, :3] * cofactors(matrix)[0]
-    return bool((row[0] + row[1]) + row[2] < 0)
 
 
 def _flat_error(points: np.ndarray, triangles: np.ndarray, kept: np.ndarray) -> float:

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from storage.errors import ModelError
-from storage.tables import transform_points
+from storage.tables import normal_matrix, transform_points
 from storage.temporary import temporary_path
 
 MESH = np.dtype(
@@ -197,29 +197,13 @@ def bake(mesh: MeshView, matrix: np.ndarray) -> MeshView:
     if np.array_equal(matrix[:, :3], IDENTITY[:, :3]):
         moved = transform_points(matrix, mesh.positions)
         return MeshView(moved, mesh.normals, mesh.colours, mesh.triangles, mesh.source_faces)
-    cofactor = cofactors(matrix)
-    row = matrix[0, :3] * cofactor[0]
-    mirrored = (row[0] + row[1]) + row[2] < 0
+    linear, mirrored = normal_matrix(matrix)
     return MeshView(
         transform_points(matrix, mesh.positions),
-        turned(mesh.normals, -cofactor if mirrored else cofactor),
+        turned(mesh.normals, linear),
         mesh.colours,
         np.ascontiguousarray(mesh.triangles[:, ::-1]) if mirrored else mesh.triangles,
         mesh.source_faces,
-    )
-
-
-def cofactors(matrix: np.ndarray) -> np.ndarray:
-    """The (3, 3) cofactor matrix of a (3, 4) matrix's linear part; its first row dotted with the matrix's is the
-    determinant, and it takes normals where the matrix takes positions (up to length, and sign if mirroring).
-    """
-    (a, b, c), (d, e, f), (g, h, i) = np.asarray(matrix, np.float64)[:, :3].tolist()
-    return np.array(
-        [
-            [e * i - f * h, f * g - d * i, d * h - e * g],
-            [c * h - b * i, a * i - c * g, b * g - a * h],
-            [b * f - c * e, c * d - a * f, a * e - b * d],
-        ]
     )
 
 

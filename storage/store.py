@@ -35,6 +35,7 @@ from storage.frames import Kind, ShardReader, ShardRecord, shard_path
 from storage.geometry import Pack, unpack, unpack_source_faces
 from storage.manifest import FILE, Manifest, from_bytes, version_path
 from storage.octree import LeafSet, Octree, neighbours
+from storage.placement import normal_matrix, placed, transform_points
 from storage.tables import (
     BOUNDARY,
     CELL,
@@ -47,10 +48,11 @@ from storage.tables import (
     PACK,
     PART,
     Grid,
-    normal_matrix,
-    transform_points,
 )
 
+#: The matrix of what lies in model space already.
+IN_PLACE = np.eye(3, 4)
+IN_PLACE.flags.writeable = False
 #: Bytes of decoded packs that a store keeps in memory.
 GEOMETRY_CACHE = 1 << 28
 
@@ -219,8 +221,8 @@ class Geometry:
             positions = (local.positions * np.float64(local.scale)).astype(np.float32)
         else:
             matrix = self.instances[int(row["instance"])]["matrix"]
-            placed = transform_points(matrix, local.positions * np.float64(local.scale))
-            positions = (self.grid.snap(placed) * np.float64(self.grid.step)).astype(np.float32)
+            on_grid = placed(local.positions, local.scale, matrix, self.grid.step)
+            positions = (on_grid * np.float64(self.grid.step)).astype(np.float32)
             linear, mirrored = normal_matrix(matrix)
             normals = _unit(transform_points(np.column_stack([linear, np.zeros(3)]), normals))
             if mirrored:
@@ -251,17 +253,15 @@ class Geometry:
     def _place(self, ids: NDArray[np.int64], points: NDArray[np.int32], corners: NDArray[np.int64]) -> None:
         """Fill `points` and `corners`, which begin anew for each drawable, of the drawables `ids`."""
         rows = self.drawables[ids]
-        geometry = self.geometry[rows["geometry"]]
-        local = [self.local_mesh(int(number)) for number in rows["geometry"]]
-        placed = np.concatenate([mesh.positions for mesh in local]).astype(np.float64)
-        np.concatenate([mesh.triangles for mesh in local], out=corners)
-        placed *= np.repeat(geometry["scale"].astype(np.float64), geometry["vertices"])[:, None]
         instances = rows["instance"]
-        moved = np.repeat(instances >= 0, geometry["vertices"])
-        if moved.any():
-            matrices = self.instances["matrix"][np.repeat(instances, geometry["vertices"])[moved]]
-            placed[moved] = transform_points(matrices, placed[moved])
-        points[:] = self.grid.snap(placed)
+        local = [self.local_mesh(int(number)) for number in rows["geometry"]]
+        np.concatenate([mesh.triangles for mesh in local], out=corners)
+        first = 0
+        for mesh, number in zip(local, instances.tolist(), strict=True):
+            matrix = self.instances["matrix"][number] if number >= 0 else IN_PLACE
+            last = first + len(mesh.positions)
+            points[first:last] = placed(mesh.positions, mesh.scale, matrix, self.grid.step)
+            first = last
         used, which = np.unique(instances, return_inverse=True)
         mirrored = np.array([n >= 0 and normal_matrix(self.instances["matrix"][n])[1] for n in used])
         turned = np.repeat(mirrored[which], rows["triangles"])

@@ -31,21 +31,6 @@ def snapped(positions: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 @allocating_kernel()
-def placed(points: np.ndarray, scale: float, matrix: np.ndarray, step: float) -> np.ndarray:
-    """Grid coordinates (n, 3) int32, in units of `step`, of points (n, 3) int32 in units of `scale` under a matrix.
-
-    matrix (3, 4) float64. The same bits as storage.tables' `transform_points` gives.
-    """
-    result = np.empty((len(points), 3), np.int32)
-    for v in range(len(points)):
-        x, y, z = points[v, 0] * scale, points[v, 1] * scale, points[v, 2] * scale
-        for i in range(3):
-            at = ((matrix[i, 0] * x + matrix[i, 1] * y) + matrix[i, 2] * z) + matrix[i, 3]
-            result[v, i] = np.int32(np.rint(at / step))
-    return result
-
-
-@allocating_kernel()
 def group_maximum(values: np.ndarray, start: np.ndarray) -> np.ndarray:
     """The largest of the non-negative values (n,) in each group start (groups + 1,): (groups,) float64."""
     largest = np.zeros(len(start) - 1)

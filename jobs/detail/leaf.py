@@ -18,7 +18,6 @@ import numpy as np
 
 from jobs.detail.borders import same_places
 from jobs.detail.closest import make_surface
-from jobs.detail.displacement import placed
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
@@ -27,7 +26,7 @@ from jobs.importing.model import Model
 from jobs.importing.saved import turned
 from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
 from storage.normals import from_octahedral
-from storage.tables import normal_matrix, transform_points
+from storage.placement import normal_matrix, placed, transform_points
 
 #: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
 OFFERED = 3

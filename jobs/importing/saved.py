@@ -28,7 +28,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from storage.errors import ModelError
-from storage.tables import normal_matrix, transform_points
+from storage.placement import normal_matrix, transform_points
 from storage.temporary import temporary_path
 
 MESH = np.dtype(

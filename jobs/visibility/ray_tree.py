@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.planes import plane_of
+from jobs.visibility.topology import boxes
 from storage.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units, far more than slabs are rounded by.
@@ -86,18 +87,25 @@ def build_scene(
     bundles = -(-sizes // BUNDLE)
     number = np.arange(bundles.sum()) - np.repeat(np.cumsum(bundles) - bundles, bundles)
     start = np.append(np.repeat(cluster_start[:-1], bundles) + BUNDLE * number, len(triangles)).astype(np.int32)
-    side_by_side = np.empty((len(number), 9, BUNDLE), np.float32)
-    if len(triangles):
-        corners = vertices[triangles]
-        within = np.minimum(start[:-1, None] + np.arange(BUNDLE), start[1:, None] - 1)
-        side_by_side[:] = corners[within].reshape(-1, BUNDLE, 9).transpose(0, 2, 1)
-        lo = np.minimum.reduceat(corners.min(axis=1), start[:-1], axis=0).astype(np.float64)
-        hi = np.maximum.reduceat(corners.max(axis=1), start[:-1], axis=0).astype(np.float64)
-    else:
-        lo = hi = np.zeros((0, 3))
+    lo, hi = (box.astype(np.float64) for box in boxes(vertices, triangles, start))
     nodes = build_tree(lo, hi)
-    scene = Scene(*widen(*nodes), vertices, triangles, start, triangle_drawable, one_sided, side_by_side)
+    corners = _side_by_side(vertices, triangles, start)
+    scene = Scene(*widen(*nodes), vertices, triangles, start, triangle_drawable, one_sided, corners)
     return scene, _tree(scene, *nodes)
+
+
+@allocating_kernel()
+def _side_by_side(vertices: np.ndarray, triangles: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The corners of bundles start (b + 1,): (b, 9, BUNDLE) float32, see `Scene`."""
+    count = len(start) - 1
+    corners = np.empty((count, 9, BUNDLE), np.float32)
+    for b in range(count):
+        for place in range(BUNDLE):
+            t = min(start[b] + place, start[b + 1] - 1)
+            for c in range(3):
+                for k in range(3):
+                    corners[b, 3 * c + k, place] = vertices[triangles[t, c], k]
+    return corners
 
 
 def _tree(scene: Scene, box: np.ndarray, right: np.ndarray, bundle: np.ndarray, axis: np.ndarray) -> Tree:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jobs.objects.weld import degenerate_triangles
 from jobs.visibility import topology
 from jobs.visibility.gaps import find_gaps
 
@@ -85,8 +86,7 @@ def build_soup(
         index, first = topology.weld(np.ascontiguousarray(points, np.int32))
     vertices = points[first].astype(np.int32)
     welded = index[corners].astype(np.int32).reshape(-1, 3)
-    a, b, c = (vertices[welded[:, i]].astype(np.float64) for i in range(3))
-    keep = (np.cross(b - a, c - a) != 0).any(axis=1)
+    keep = ~degenerate_triangles(vertices, welded)
     welded, owner = welded[keep], owner[keep]
 
     with np.errstate(over="ignore"):
@@ -100,17 +100,12 @@ def build_soup(
 
     k = len(offsets) - 1
     cluster_drawable = owner[offsets[:-1]] if k else np.zeros(0, np.int32)
+    cluster_lo, cluster_hi = (box.astype(np.float64) for box in topology.boxes(vertices, welded, offsets))
+    cluster_breadth = np.zeros(k)
     if k:
-        low = vertices[welded].min(axis=1)
-        high = vertices[welded].max(axis=1)
-        cluster_lo = np.minimum.reduceat(low, offsets[:-1], axis=0).astype(np.float64)
-        cluster_hi = np.maximum.reduceat(high, offsets[:-1], axis=0).astype(np.float64)
-        cluster_breadth = _breadths(topology.sheets(triangle_edges, start, uses.astype(np.int32)), low, high)[
-            offsets[:-1]
-        ]
-    else:
-        cluster_lo = cluster_hi = np.zeros((0, 3))
-        cluster_breadth = np.zeros(0)
+        sheet = topology.sheets(triangle_edges, start, uses.astype(np.int32))
+        each = topology.boxes(vertices, welded, np.arange(len(welded) + 1, dtype=np.int32))
+        cluster_breadth = _breadths(sheet, *each)[offsets[:-1]]
     gaps = None
     if seal > 0:
         found = find_gaps(

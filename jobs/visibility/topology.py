@@ -1,4 +1,4 @@
-"""Welding by position, edges with their triangles, clusters of neighbouring triangles, and sheets.
+"""Welding by position, edges with their triangles, clusters of neighbouring triangles, sheets, and boxes.
 
 Kernels on plain arrays. All orders depend on the input's order alone, so results are the same on every machine.
 """
@@ -201,3 +201,27 @@ def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray) -> n
                         waiting += 1
         count += 1
     return sheet
+
+
+@allocating_kernel()
+def boxes(vertices: np.ndarray, triangles: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The boxes around triangles that follow one another.
+
+    Args:
+        vertices: (n, 3) int32; triangles: (m, 3) int32.
+        start: (k + 1,) offsets into the triangles, increasing.
+
+    Returns:
+        lo, hi: (k, 3) int32.
+    """
+    k = len(start) - 1
+    lo, hi = np.empty((k, 3), np.int32), np.empty((k, 3), np.int32)
+    for b in range(k):
+        for i in range(3):
+            lo[b, i] = hi[b, i] = vertices[triangles[start[b], 0], i]
+        for t in range(start[b], start[b + 1]):
+            for c in range(3):
+                for i in range(3):
+                    x = vertices[triangles[t, c], i]
+                    lo[b, i], hi[b, i] = min(lo[b, i], x), max(hi[b, i], x)
+    return lo, hi

@@ -17,8 +17,8 @@ from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
 from jobs.workplace import Workplace
+from storage.placement import transform_points
 from storage.store import Geometry, open_geometry
-from storage.tables import transform_points
 
 Shape = tuple[np.ndarray, np.ndarray]
 

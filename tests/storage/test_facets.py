@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from storage.facets import find_turned_away, part_meshes
+from storage.placement import transform_points
 from storage.store import Store
-from storage.tables import transform_points
 from tests.storage.tiny_store import box_part, make_store, room_parts
 
 #: Points of a cell at which triangles are looked at: its corners, and some in between.

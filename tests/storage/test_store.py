@@ -10,8 +10,8 @@ from storage import open_store
 from storage.deltas import apply
 from storage.errors import NotComputedError, ParameterError, StoreNotFoundError
 from storage.octree import neighbours
+from storage.placement import transform_points
 from storage.store import Store, open_geometry
-from storage.tables import transform_points
 from tests.storage.strategies import leaf_sets
 from tests.storage.tiny_store import TinyPart, box_part, make_geometry, make_store, room_parts
 

@@ -18,8 +18,9 @@ import numpy as np
 from storage.detail import choose_cut, pixel_angle
 from storage.manifest import Manifest, commit
 from storage.octree import Octree, neighbours
+from storage.placement import transform_points
 from storage.store import Geometry, Store, open_geometry, open_store
-from storage.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid, transform_points
+from storage.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid
 from storage.writer import (
     MeshArrays,
     cells_section,

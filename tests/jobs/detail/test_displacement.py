@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.detail.displacement import placed
-from storage.tables import transform_points
+from storage.placement import placed, transform_points
 
 
 def test_placed_points_are_those_of_the_store() -> None:

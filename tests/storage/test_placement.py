@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.placement import normal_matrix, transform_points
+from storage.placement import normal_matrix, placed, transform_points
+from storage.store import IN_PLACE
+from storage.tables import Grid
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e4]))
@@ -40,3 +42,17 @@ def test_a_mirror_keeps_normals_on_their_side(axis: int) -> None:
     linear, mirrored = normal_matrix(matrix)
     assert mirrored
     assert np.array_equal(linear, matrix[:, :3])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(-20, -10), st.integers(-12, -8))
+def test_placed_points_are_moved_and_snapped(seed: int, scale: int, step: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(-(1 << 20), 1 << 20, (50, 3)).astype(np.int32)
+    matrix = np.append(rng.normal(size=(3, 3)), rng.uniform(-100, 100, (3, 1)), axis=1)
+    moved = transform_points(matrix, points * 2.0**scale)
+    assert np.array_equal(placed(points, 2.0**scale, matrix, 2.0**step), Grid(2.0**step).snap(moved))
+
+
+def test_what_lies_in_place_stays() -> None:
+    points = np.array([[1, -2, 3], [(1 << 23) - 1, 0, -(1 << 23)]], np.int32)
+    assert np.array_equal(placed(points, 0.125, IN_PLACE, 0.125), points)

@@ -19,14 +19,15 @@ import numpy as np
 
 from jobs.detail.borders import border_kept, same_places
 from jobs.detail.closest import make_surface
-from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
+from jobs.detail.collapse import NO_PAIRS, begin
 from jobs.detail.face_normals import face_normals
 from jobs.detail.hausdorff import hausdorff_bound
-from jobs.detail.levels import FLOOR_STEPS, ROUNDING, ROUNDING_STEPS, SLACK, CoarseLevel, Mesh, tidy
+from jobs.detail.levels import FLOOR_STEPS, ROUNDING, ROUNDING_STEPS, SLACK, CoarseLevel, Mesh, Simplified, simplified
 from jobs.detail.near_pairs import near_pairs
 from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed, has_gradients
 from jobs.objects.components import components, outward_closed
 from jobs.objects.weld import OPEN, twins, weld
+from storage.kernels import allocating_kernel
 
 #: Triangles asked for, as a part of what the children offer.
 SHARE = 0.5
@@ -42,14 +43,6 @@ MOST_LEVELS = 3
 LARGEST_STEP = 8.0
 #: Nodes with fewer triangles than this are not simplified further: they keep what the children offer.
 FEWEST = 8
-
-
-class Simplified(NamedTuple):
-    """A mesh with fewer triangles."""
-
-    mesh: Mesh
-    source: np.ndarray  # (m,) int32: what each triangle was before
-    outward: bool  # still closed and wound outward
 
 
 class Inner(NamedTuple):
@@ -80,13 +73,13 @@ def make_inner(
     levels: list[Level] = []
     offers: list[Offer] = []
     while top or not levels or (len(levels) < MOST_LEVELS and error <= LARGEST_STEP * offers[0].error):
-        simplified = _simplified(mesh, colours, locked, outward)
-        if levels and (simplified is None or len(simplified.mesh.triangles) > ENOUGH * len(mesh.triangles)):
+        fewer = _simplified(mesh, colours, locked, outward)
+        if levels and (fewer is None or len(fewer.mesh.triangles) > ENOUGH * len(mesh.triangles)):
             break
         every = np.arange(len(mesh.triangles), dtype=np.int32)
-        coarser, source, outward = simplified or Simplified(mesh, every, outward)
+        coarser, source, outward = fewer or Simplified(mesh, every, outward)
         coarse = make_surface(coarser.points.astype(np.float64), coarser.triangles, coarser.twin)
-        if simplified is not None:
+        if fewer is not None:
             bound, _ = hausdorff_bound(coarse, given, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
             error = max(error, worst + bound)
         error = error * (1.0 + ROUNDING) + ROUNDING_STEPS
@@ -99,7 +92,7 @@ def make_inner(
         levels.append(level)
         offers.append(Offer(coarser.points, coarser.triangles, colours, error, outward, locks))
         mesh, surface, locked = coarser, coarse, held
-        if simplified is None:
+        if fewer is None:
             break
     return Inner(Node(scale, tuple(levels)), offers)
 
@@ -125,12 +118,19 @@ def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bo
     label, things = components(mesh.triangles, len(mesh.points))
     joins = things > 1 and things * FEW_THINGS >= target
     pairs = near_pairs(mesh.points, mesh.triangles, label) if joins else NO_PAIRS
-    state = begin(*mesh, stays, colours, pairs)
-    collapse(state, target, np.inf)
-    found = Simplified(*tidy(*snapshot(state), mesh, locked, outward and not joins))
+    found = _reduced(mesh, stays, colours, pairs, target, len(locked), outward and not joins)
     if found.outward and len(locked) and not border_kept(*mesh, locked, found.mesh.points, found.mesh.triangles):
         found = found._replace(outward=False)
     return found if len(found.mesh.triangles) < m else None
+
+
+@allocating_kernel()
+def _reduced(
+    mesh: Mesh, stays: np.ndarray, colours: np.ndarray, pairs: np.ndarray, target: int, locked: int, outward: bool
+) -> Simplified:
+    """See `begin` and `simplified`."""
+    state = begin(mesh.points, mesh.triangles, mesh.twin, stays, colours, pairs)
+    return simplified(state, target, mesh.twin, locked, outward)
 
 
 def _closed(mesh: Mesh, locked: np.ndarray) -> bool:

@@ -9,10 +9,11 @@ import numpy as np
 from jobs.detail.borders import border_kept, same_places
 from jobs.detail.clean import cleaned
 from jobs.detail.closest import Surface, make_surface
-from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
+from jobs.detail.collapse import NO_PAIRS, State, begin, collapse, snapshot
 from jobs.detail.hausdorff import hausdorff_bound
 from jobs.objects.components import outward_closed
 from jobs.objects.weld import NON_MANIFOLD, twins
+from storage.kernels import allocating_kernel
 
 #: Triangles of each level, as a part of those of the one before.
 SHARE = 0.5
@@ -37,6 +38,14 @@ class Mesh(NamedTuple):
     points: np.ndarray  # (n, 3) int32
     triangles: np.ndarray  # (m, 3) int32
     twin: np.ndarray  # (3 m,) int32
+
+
+class Simplified(NamedTuple):
+    """A mesh with fewer triangles."""
+
+    mesh: Mesh
+    source: np.ndarray  # (m,) int32: what each triangle was before
+    outward: bool  # still closed (with what lies beyond locked borders) and wound outward
 
 
 class CoarseLevel(NamedTuple):
@@ -77,8 +86,7 @@ def coarser_levels(
     state = begin(finest.points, finest.triangles, finest.twin, stays, colours, NO_PAIRS)
     before = len(finest.triangles)
     while before >= FEWEST and len(levels) < most:
-        collapse(state, int(SHARE * before), np.inf)
-        mesh, source, closed = tidy(*snapshot(state), finest, locked, outward)
+        mesh, source, closed = simplified(state, int(SHARE * before), finest.twin, len(locked), outward)
         if not 0 < len(mesh.triangles) <= SHRINK * before:
             break
         if len(locked) and not border_kept(*finest, locked, mesh.points, mesh.triangles):
@@ -95,23 +103,24 @@ def coarser_levels(
     return Chain(original, levels)
 
 
-def tidy(
-    points: np.ndarray, triangles: np.ndarray, source: np.ndarray, before: Mesh, locked: np.ndarray, outward: bool
-) -> tuple[Mesh, np.ndarray, bool]:
-    """A simplified mesh without what has no area or is there twice; and whether it is still closed and wound outward.
+@allocating_kernel()
+def simplified(state: State, target: int, twin: np.ndarray, locked: int, outward: bool) -> Simplified:
+    """Collapse edges until at most `target` triangles are left, or none may be collapsed any more; and tidy up.
 
-    source (m,) int32: what the triangles were before; that of those which are left is returned too. before: what it was
-    made from, with the vertices `locked` of it; outward: whether that was closed (with what lies beyond the locked
-    vertices). Where it is not, its triangles are seen from both sides, and one of two that are back to back suffices.
+    What has no area or is there twice is left out. twin: of what the state was begun with, `locked` vertices of which
+    stay; outward: whether that was closed (with what lies beyond the locked vertices) and wound outward. Where the
+    result is not, its triangles are seen from both sides, and one of two that are back to back suffices.
     """
+    collapse(state, target, np.inf)
+    points, triangles, source = snapshot(state)
     if outward:
         kept_points, kept, which = cleaned(points, triangles, True)
-        twin = twins(kept)
-        if len(locked):  # given that the border's edges are all there, there must be no other unpaired ones
-            same = int((twin < 0).sum()) == int((before.twin < 0).sum()) and not (twin == NON_MANIFOLD).any()
+        paired = twins(kept)
+        if locked:  # given that the border's edges are all there, there must be no other unpaired ones
+            same = (paired < 0).sum() == (twin < 0).sum() and not (paired == NON_MANIFOLD).any()
         else:
-            same = bool(outward_closed(kept_points, kept, twin, np.array([0, len(kept)]))[0])
+            same = outward_closed(kept_points, kept, paired, np.array([0, len(kept)]))[0]
         if same:
-            return Mesh(kept_points, kept, twin), source[which], True
+            return Simplified(Mesh(kept_points, kept, paired), source[which], True)
     kept_points, kept, which = cleaned(points, triangles, False)
-    return Mesh(kept_points, kept, twins(kept)), source[which], False
+    return Simplified(Mesh(kept_points, kept, twins(kept)), source[which], False)

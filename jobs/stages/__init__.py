@@ -12,7 +12,7 @@ from jobs.tasks import Stage
 #: The reading and writing of stores decides what any stage gives.
 _ALL = ("jobs.stages", "jobs.arrays", "storage")
 _DETAIL = (*_ALL, "jobs.assemble", "jobs.importing", "jobs.objects", "jobs.detail")
-_CELLS = (*_ALL, "jobs.cells", "jobs.budget", "jobs.visibility")
+_CELLS = (*_ALL, "jobs.cells", "jobs.budget", "jobs.visibility", "jobs.objects.weld")
 
 IMPORT = Stage("import", "jobs.stages.model:import_files", (*_ALL, "jobs.importing"), ("numpy", "trimesh"))
 PIECES = Stage("pieces", "jobs.stages.model:find_pieces", _DETAIL, ("numpy", "numba"))
@@ -20,12 +20,7 @@ HIERARCHY = Stage("hierarchy", "jobs.stages.model:make_hierarchy", _DETAIL, ("nu
 SHARED = Stage("shared", "jobs.stages.detail:make_shared", _DETAIL, ("numpy", "numba", "zstandard"))
 NODES = Stage("nodes", "jobs.stages.detail:make_nodes", _DETAIL, ("numpy", "numba", "zstandard"))
 TABLES = Stage("tables", "jobs.stages.detail:join_tables", _DETAIL, ("zstandard",))
-CELLS = Stage(
-    "cells",
-    "jobs.stages.cells:compute_cells",
-    (*_ALL, "jobs.cells", "jobs.budget", "jobs.visibility"),
-    ("numpy", "numba"),
-)
+CELLS = Stage("cells", "jobs.stages.cells:compute_cells", _CELLS, ("numpy", "numba"))
 LAYOUT = Stage("layout", "jobs.stages.cells:lay_out_cells", _ALL)
 SHARDS = Stage("shards", "jobs.stages.cells:write_cells", _ALL, ("zstandard",))
 

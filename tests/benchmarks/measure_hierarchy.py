@@ -95,7 +95,8 @@ def draw(results: dict[str, dict[str, Any]], file: Path) -> None:
         pen.line([(left, height - below), *places], fill=colour, width=2)
         for (x, y), value in zip(places, values, strict=True):
             pen.ellipse([x - 4, y - 4, x + 4, y + 4], fill=colour)
-            pen.text((x + 8, y - 6 + 14 * n), f"{value:,.0f}", fill=colour)
+            # the curves nearly cover each other: one's numbers stand below it, the other's above
+            pen.text((x - 6, y - 20) if n else (x + 8, y - 2), f"{value:,.0f}", fill=colour)
         pen.text((left + 12, 12 + 16 * n), label, fill=colour)
     for size, _ in scenes:
         x = left + size / right * (width - left - 70)

@@ -6,6 +6,10 @@ import numpy as np
 
 from storage.kernels import allocating_kernel
 
+#: The matrix of what lies in model space already. Read-only.
+IDENTITY = np.eye(3, 4)
+IDENTITY.flags.writeable = False
+
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Model positions (n, 3) float64 of local `points` under a matrix (3, 4), or under one for each point (n, 3, 4).

@@ -35,7 +35,7 @@ from storage.frames import Kind, ShardReader, ShardRecord, shard_path
 from storage.geometry import Pack, unpack, unpack_source_faces
 from storage.manifest import FILE, Manifest, from_bytes, version_path
 from storage.octree import LeafSet, Octree, neighbours
-from storage.placement import normal_matrix, placed, transform_points
+from storage.placement import IDENTITY, normal_matrix, placed, transform_points
 from storage.tables import (
     BOUNDARY,
     CELL,
@@ -50,9 +50,6 @@ from storage.tables import (
     Grid,
 )
 
-#: The matrix of what lies in model space already.
-IN_PLACE = np.eye(3, 4)
-IN_PLACE.flags.writeable = False
 #: Bytes of decoded packs that a store keeps in memory.
 GEOMETRY_CACHE = 1 << 28
 
@@ -258,7 +255,7 @@ class Geometry:
         np.concatenate([mesh.triangles for mesh in local], out=corners)
         first = 0
         for mesh, number in zip(local, instances.tolist(), strict=True):
-            matrix = self.instances["matrix"][number] if number >= 0 else IN_PLACE
+            matrix = self.instances["matrix"][number] if number >= 0 else IDENTITY
             last = first + len(mesh.positions)
             points[first:last] = placed(mesh.positions, mesh.scale, matrix, self.grid.step)
             first = last

@@ -25,9 +25,9 @@ import numpy as np
 from jobs.importing.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
 from jobs.importing.content import Content, ContentPart
 from jobs.importing.resources import Resources
-from jobs.importing.saved import IDENTITY
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
 from storage.errors import ModelError
+from storage.placement import IDENTITY
 
 Json = dict[str, Any]
 

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jobs.importing.repair import FARTHEST, repair
-from jobs.importing.saved import IDENTITY, MeshView, Placement
+from jobs.importing.saved import MeshView, Placement
 from jobs.importing.scene import Defect, SourceScene, Tally, compose
 from storage.errors import ModelError, ParameterError
+from storage.placement import IDENTITY
 
 #: Metres per unit, by the names that people write.
 UNITS = {

@@ -17,9 +17,9 @@ from jobs.importing.content import Content, whole
 from jobs.importing.corners import split_by_face, unify
 from jobs.importing.numbers import floats_of
 from jobs.importing.resources import Resources
-from jobs.importing.saved import IDENTITY
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
 from storage.errors import ModelError
+from storage.placement import IDENTITY
 
 _TYPES = {
     "char": "i1",

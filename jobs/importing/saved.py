@@ -28,7 +28,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from storage.errors import ModelError
-from storage.placement import normal_matrix, transform_points
+from storage.placement import IDENTITY, normal_matrix, transform_points
 from storage.temporary import temporary_path
 
 MESH = np.dtype(
@@ -64,7 +64,6 @@ PER_VERTEX = ("positions", "normals", "colours")
 #: Format number of the directory.
 FORMAT = 1
 
-IDENTITY = np.eye(3, 4)
 
 #: Positions that are transformed at once.
 _BATCH = 1 << 17

@@ -12,9 +12,9 @@ import numpy as np
 
 from jobs.importing.content import Content, whole
 from jobs.importing.resources import Resources
-from jobs.importing.saved import IDENTITY
 from jobs.importing.scene import SourceMesh, SourceNode, SourceScene
 from storage.errors import ModelError
+from storage.placement import IDENTITY
 
 _HEADER, _FACET = 84, 50
 

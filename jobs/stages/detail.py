@@ -69,6 +69,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     from jobs.detail.inner import make_inner
     from jobs.detail.leaf import MOST_LEVELS, Member, gather, make_leaf, place_offer
     from jobs.detail.offers import load_offers, save_offers
+    from storage.placement import IDENTITY
 
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])
@@ -105,7 +106,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
         return [offer for offer in placed if len(offer.triangles)]
 
     def add(node: int, made: Node) -> None:
-        whole = Placement(_part_of(shapes, node), -1, np.eye(3, 4), 1.0)
+        whole = Placement(_part_of(shapes, node), -1, IDENTITY, 1.0)
         out.place([node], place_levels(made, [whole], model.grid, out.geometries))
 
     offered: list[list[Offer]] = []

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.placement import normal_matrix, placed, transform_points
-from storage.store import IN_PLACE
+from storage.placement import IDENTITY, normal_matrix, placed, transform_points
 from storage.tables import Grid
 
 
@@ -55,4 +54,4 @@ def test_placed_points_are_moved_and_snapped(seed: int, scale: int, step: int) -
 
 def test_what_lies_in_place_stays() -> None:
     points = np.array([[1, -2, 3], [(1 << 23) - 1, 0, -(1 << 23)]], np.int32)
-    assert np.array_equal(placed(points, 0.125, IN_PLACE, 0.125), points)
+    assert np.array_equal(placed(points, 0.125, IDENTITY, 0.125), points)

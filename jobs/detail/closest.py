@@ -356,16 +356,6 @@ def make_surface(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray) ->
         nodes += 1
         if above >= 0:
             child[above, 0] = node
-        for i in range(3):
-            box[node, i] = np.inf
-            box[node, 3 + i] = -np.inf
-        for s in range(first, last):
-            t = order[s]
-            for e in range(3):
-                for i in range(3):
-                    p = points[triangles[t, e], i]
-                    box[node, i] = min(box[node, i], p)
-                    box[node, 3 + i] = max(box[node, 3 + i], p)
         if last - first <= LEAF:
             child[node, 0], child[node, 1] = first, last - first
             continue
@@ -395,6 +385,20 @@ def make_surface(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray) ->
             corners[s, i] = a
             corners[s, 3 + i] = points[triangles[t, 1], i] - a
             corners[s, 6 + i] = points[triangles[t, 2], i] - a
+    for node in range(nodes - 1, -1, -1):  # what is below a node comes after it
+        first, count = child[node, 0], child[node, 1]
+        for i in range(3):
+            low, high = np.inf, -np.inf
+            if count > 0:
+                for s in range(first, first + count):
+                    for e in range(3):
+                        p = points[ordered[s, e], i]
+                        low = min(low, p)
+                        high = max(high, p)
+            else:
+                low = min(box[node + 1, i], box[first, i])
+                high = max(box[node + 1, 3 + i], box[first, 3 + i])
+            box[node, i], box[node, 3 + i] = low, high
     tree = Tree(frames(corners), box[:nodes].copy(), child[:nodes].copy())
     return Surface(points, ordered, order, _moved(twin, order), corners, prisms(corners), tree)
 

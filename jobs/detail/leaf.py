@@ -18,6 +18,7 @@ import numpy as np
 
 from jobs.detail.borders import same_places
 from jobs.detail.closest import make_surface
+from jobs.detail.displacement import snapped
 from jobs.detail.hausdorff import one_sided_bound
 from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
@@ -72,35 +73,39 @@ class Leaf(NamedTuple):
 def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> Patch | None:
     """The triangles of a leaf's members on the grid of `scale` units a step; None where all have lost their area."""
     taken = [_taken(model, member) for member in members]
-    exact = np.concatenate([t.points for t in taken]) / scale
-    snapped = np.rint(exact)
-    away = exact - snapped
-    displacement = float(np.sqrt((away * away).sum(axis=1).max()))
-    group = np.repeat(_ordinals([member.part for member in members]), [len(t.points) for t in taken])
-    ids, first = weld(snapped.astype(np.int32), group)
-    points = snapped[first].astype(np.int32)
-    triangles = ids.reshape(-1, 3)
+    points = _joined([t.points for t in taken])
+    shading, colours = _joined([t.shading for t in taken]), _joined([t.colours for t in taken])
+    source_faces = _joined([t.source_faces for t in taken])
+    grid, displacement = snapped(points, np.full(len(points), scale))
+    group = np.zeros(len(points), np.int32)
+    if len(members) > 1:
+        group = np.repeat(_ordinals([member.part for member in members]), [len(t.points) for t in taken])
+    ids, first = weld(grid, group)
+    points, triangles = grid[first], ids.reshape(-1, 3)
     error = max(t.error for t in taken) / scale
     if any(member.matrix is not None for member in members):
-        error += displacement
+        error += float(displacement.max())
+    outward = bool(all(member.set.pieces["outward"][member.piece] for member in members))
     flat = degenerate_triangles(points, triangles)
-    kept = np.flatnonzero(~flat)
-    if len(kept) == 0:
-        return None
     if flat.any():
+        kept = np.flatnonzero(~flat)
+        if len(kept) == 0:
+            return None
         error += _flat_error(points, triangles, kept)
-    used, triangles = compacted(triangles[kept], len(points))
-    points = points[used]
-    corners = (3 * kept[:, None] + np.arange(3)).reshape(-1)
-    locks = _joined([_locks(member, scale) for member in members])
+        used, triangles = compacted(triangles[kept], len(points))
+        points = points[used]
+        corners = (3 * kept[:, None] + np.arange(3)).reshape(-1)
+        shading, colours, source_faces = shading[corners], colours[corners], source_faces[kept]
+        outward = False
+    locks = [_locks(member, scale) for member in members]
     return Patch(
         Mesh(points, triangles, twins(triangles)),
-        np.concatenate([t.shading for t in taken])[corners],
-        np.concatenate([t.colours for t in taken])[corners],
-        np.concatenate([t.source_faces for t in taken])[kept],
+        shading,
+        colours,
+        source_faces,
         error * (1.0 + ROUNDING),
-        bool(all(member.set.pieces["outward"][member.piece] for member in members)) and not flat.any(),
-        locks.outside(leaf, leaf),
+        outward,
+        Locks(*(_joined([getattr(lock, name) for lock in locks]) for name in Locks._fields)).outside(leaf, leaf),
     )
 
 
@@ -219,6 +224,6 @@ def _locks(member: Member, scale: float) -> Locks:
     return Locks(points, np.minimum.reduceat(leaves, begin), np.maximum.reduceat(leaves, begin))
 
 
-def _joined(locks: Sequence[Locks]) -> Locks:
-    """Several lists as one."""
-    return Locks(*(np.concatenate([getattr(lock, name) for lock in locks]) for name in Locks._fields))
+def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Several arrays as one; a single one as it is."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)

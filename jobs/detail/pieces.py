@@ -32,7 +32,7 @@ from storage.normals import to_octahedral
 from storage.tables import GRID_LIMIT
 
 #: Meshes are handled together up to this many triangles.
-BATCH_TRIANGLES = 200_000
+BATCH_TRIANGLES = 1 << 15
 #: A mesh's grid may be coarser than the model's by this relative amount: rounding in a rotation's stretch.
 STRETCH_TOLERANCE = 1e-6
 #: Faces without area are not measured more closely than this, in grid steps.

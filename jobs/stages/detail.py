@@ -74,7 +74,8 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])
     crease = _crease(work)
-    step = model.grid.step
+    grid = model.grid
+    step = grid.step
     objects = shapes.object_of_placed()
     leaves_before: np.ndarray = np.cumsum(shapes.leaf >= 0) - (shapes.leaf >= 0)
     below = dict(zip(work.payload["stops"], work.places["below"], strict=True))
@@ -107,7 +108,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 
     def add(node: int, made: Node) -> None:
         whole = Placement(_part_of(shapes, node), -1, IDENTITY, 1.0)
-        out.place([node], place_levels(made, [whole], model.grid, out.geometries))
+        out.place([node], place_levels(made, [whole], grid, out.geometries))
 
     offered: list[list[Offer]] = []
 

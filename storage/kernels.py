@@ -11,15 +11,17 @@ import hashlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from numba import config, njit
+from numba import config, njit, types
 from numba.core import caching
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 from numba.core.dispatcher import Dispatcher
 
 #: Values that are compiled into the kernels that name them.
 CONSTANTS = (bool, int, float, complex, str, bytes, tuple)
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _stamps: dict[Callable[..., Any], str] = {}
 
@@ -68,9 +70,38 @@ def _stamp(function: Callable[..., Any], file: str) -> str:
 caching.IndexDataCacheFile = _Index  # type: ignore[misc]
 config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place.__name__}" for place in (BesideSource, InUsersCache))  # type: ignore[attr-defined]
 
-#: For kernels that make arrays. Divisions by zero give infinities and nans, as in numpy, and nothing is raised.
-allocating_kernel = partial(njit, cache=True, nogil=True, error_model="numpy")
 
-#: For kernels that make no arrays. numba would count references to each array at each call, by atomic operations that
-#: took a fifth of the engine's time; without its memory manager there are none.
-kernel = partial(allocating_kernel, _nrt=False)
+def _wide(of: types.Type) -> types.Type:
+    """The type by which a number is handed over: a whole one, constant or not, takes 64 bits."""
+    return types.int64 if types.unliteral(of) in types.signed_domain else of  # type: ignore[no-untyped-call]
+
+
+def _compiled(function: F, **options: Any) -> F:
+    """A kernel as numba has it, of which other kernels make it compile as few variants as can be.
+
+    numba would compile it once more for each constant and each width of a whole number that it is called with, and all
+    that it calls as well; inside a kernel these make no difference.
+    """
+    compiled: F = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    if isinstance(compiled, Dispatcher):
+        template = compiled.get_call_template
+
+        def widened(args: tuple[types.Type, ...], kws: dict[str, types.Type]) -> Any:
+            return template(tuple(_wide(of) for of in args), {name: _wide(of) for name, of in kws.items()})
+
+        compiled.get_call_template = widened  # type: ignore[method-assign, assignment]
+    return compiled
+
+
+def allocating_kernel(**options: Any) -> Callable[[F], F]:
+    """For kernels that make arrays. Divisions by zero give infinities and nans, as in numpy, and nothing is raised."""
+    return partial(_compiled, **options)
+
+
+def kernel(**options: Any) -> Callable[[F], F]:
+    """For kernels that make no arrays.
+
+    numba would count references to each array at each call, by atomic operations that took a fifth of the engine's
+    time; without its memory manager there are none.
+    """
+    return partial(_compiled, _nrt=False, **options)

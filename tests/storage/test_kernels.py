@@ -77,3 +77,25 @@ def test_compiled_code_that_takes_a_class_that_is_gone_is_made_anew(tmp_path: Pa
         (tmp_path / "user.py").write_text(TAKES_CLASS.format(name=name))
         assert run_user(tmp_path) == "3 0"
         assert run_user(tmp_path) == "3 1"
+
+
+CALLED = """
+import numpy as np
+from storage.kernels import kernel
+
+@kernel()
+def grown(x, by):
+    return x + by
+
+@kernel()
+def answer(x, numbers):
+    return grown(x, 1) + grown(numbers[0], x) + grown(3, by=numbers[1]) + grown(x, numbers[2]) + grown(0.5, 1)
+
+print(answer(1, np.array([10, 20, 30], np.int32)), len(grown.signatures))
+"""
+
+
+def test_a_kernel_is_compiled_once_for_whole_numbers_of_all_kinds(tmp_path: Path) -> None:
+    """Not for each constant and each width as well: that took a third of all compiling."""
+    (tmp_path / "user.py").write_text(CALLED)
+    assert run_user(tmp_path) == "68.5 2"

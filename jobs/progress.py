@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
+
+from storage.compiling import heard_by
+
+#: After so many seconds of compiling, log files are told of it.
+LONG = 2.0
 
 
 class Progress(Protocol):
@@ -52,6 +58,10 @@ class Lines(Silent):
         self._stream = stream
         self._step = ""
         self._began = 0.0
+        self._compiling_began = 0.0
+        self._compiled = 0.0
+        self._told = False
+        self._hearing = ExitStack()
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -60,7 +70,28 @@ class Lines(Silent):
     def finish(self, note: str) -> None:
         """See `Progress.finish`."""
         seconds = time.monotonic() - self._began
-        self._stream.write(f"{self._step}: {note} ({seconds:.1f} s)\n")
+        self._write(f"{self._step}: {note} ({seconds:.1f} s)")
+
+    def __enter__(self) -> Self:
+        self._hearing.enter_context(heard_by(self._compiling))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._hearing.close()
+
+    def _compiling(self, active: bool) -> None:
+        if active:
+            self._compiling_began = time.monotonic()
+            if self._compiled > LONG and not self._told:
+                self._told = True
+                self._write(f"{self._step}: compiling what runs often, once on this machine (a few minutes at most)")
+        else:
+            self._compiled += time.monotonic() - self._compiling_began
+
+    def _write(self, line: str) -> None:
+        self._stream.write(line + "\n")
         self._stream.flush()
 
 
@@ -82,6 +113,7 @@ class Bars(Silent):
             console=Console(file=stream),
         )
         self._task: Any = None
+        self._hearing = ExitStack()
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -98,12 +130,18 @@ class Bars(Silent):
 
     def __enter__(self) -> Self:
         self._bars.start()
+        self._hearing.enter_context(heard_by(self._compiling))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._hearing.close()
         self._bars.stop()
+
+    def _compiling(self, active: bool) -> None:
+        if self._task is not None:
+            self._bars.update(self._task, note="compiling, once on this machine" if active else "")
 
 
 def progress_for(stream: TextIO | None = None) -> Bars | Lines:

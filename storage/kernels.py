@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import config, njit, types
-from numba.core import caching
+from numba.core import caching, event
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 from numba.core.dispatcher import Dispatcher
+
+from storage.compiling import tell
 
 #: Values that are compiled into the kernels that name them.
 CONSTANTS = (bool, int, float, complex, str, bytes, tuple)
@@ -71,16 +73,39 @@ caching.IndexDataCacheFile = _Index  # type: ignore[misc]
 config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place.__name__}" for place in (BesideSource, InUsersCache))  # type: ignore[attr-defined]
 
 
+class _Compiling(event.Listener):
+    """Hears of every kernel that is compiled, and of those that it calls meanwhile."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+
+    def on_start(self, _event: event.Event) -> None:
+        """A kernel is about to be compiled."""
+        if self._depth == 0:
+            tell(True)
+        self._depth += 1
+
+    def on_end(self, _event: event.Event) -> None:
+        """It is."""
+        self._depth -= 1
+        if self._depth == 0:
+            tell(False)
+
+
+event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]
+
+
 def _wide(of: types.Type) -> types.Type:
-    """The type by which a number is handed over: a whole one, constant or not, takes 64 bits."""
-    return types.int64 if types.unliteral(of) in types.signed_domain else of  # type: ignore[no-untyped-call]
+    """The type by which something is handed over: no constant as such, and whole numbers with 64 bits."""
+    plain: types.Type = types.unliteral(of)  # type: ignore[no-untyped-call]
+    return types.int64 if plain in types.signed_domain else plain
 
 
 def _compiled(function: F, **options: Any) -> F:
     """A kernel as numba has it, of which other kernels make it compile as few variants as can be.
 
     numba would compile it once more for each constant and each width of a whole number that it is called with, and all
-    that it calls as well; inside a kernel these make no difference.
+    that it calls as well, which makes nothing faster.
     """
     compiled: F = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     if isinstance(compiled, Dispatcher):

@@ -53,6 +53,33 @@ def test_compiled_code_follows_changes_of_what_it_imports(tmp_path: Path) -> Non
     assert answer_and_hits(tmp_path, step=5, more=4) == "25 1"
 
 
+HEARD = """
+from storage.compiling import heard_by
+from storage.kernels import kernel
+
+@kernel()
+def grown(x):
+    return x + 1
+
+@kernel()
+def answer(x):
+    return 2 * grown(x)
+
+heard = []
+with heard_by(heard.append):
+    answer(1)
+    answer(2)
+answer(0.5)
+print(heard)
+"""
+
+
+def test_compiling_is_told_of_once_and_not_when_compiled_code_is_there(tmp_path: Path) -> None:
+    (tmp_path / "user.py").write_text(HEARD)
+    assert run_user(tmp_path) == "[True, False]"
+    assert run_user(tmp_path) == "[]"
+
+
 WITH_CLASS = """
 from typing import NamedTuple
 

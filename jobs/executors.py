@@ -13,6 +13,7 @@ from typing import Protocol
 
 from jobs.tasks import Task, TaskResult, find_finished, run_task
 from jobs.workplace import Workplace
+from storage.compiling import Stopwatch, heard_by
 
 #: Seconds of work in this process before a `GrowingExecutor` grows.
 PATIENCE = 10.0
@@ -90,7 +91,8 @@ class SerialExecutor:
 class GrowingExecutor:
     """Runs tasks in this process at first, and on another executor once they have taken a while.
 
-    For work that nothing tells the length of: starting workers takes seconds that short work never earns back.
+    For work that nothing tells the length of: starting workers takes seconds that short work never earns back. What
+    compiling takes does not count: each worker would compile the same again.
     """
 
     def __init__(self, larger: Executor, patience: float = PATIENCE) -> None:
@@ -114,9 +116,10 @@ class GrowingExecutor:
         while self._patience > 0 and (task := backlog.next()) is not None:
             result = find_finished(task, place)
             if result is None:
-                began = time.perf_counter()
-                result = _run_here(task, place)
-                self._patience -= time.perf_counter() - began
+                began, compiling = time.perf_counter(), Stopwatch()
+                with heard_by(compiling):
+                    result = _run_here(task, place)
+                self._patience -= time.perf_counter() - began - compiling.seconds
             backlog.add_followers(result)
             yield result
         yield from self._larger.run(iter(backlog.next, None), place, then)

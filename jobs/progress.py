@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
-from storage.compiling import heard_by
+from storage.compiling import Stopwatch, heard_by
 
 #: After so many seconds of compiling, log files are told of it.
 LONG = 2.0
@@ -58,8 +58,7 @@ class Lines(Silent):
         self._stream = stream
         self._step = ""
         self._began = 0.0
-        self._compiling_began = 0.0
-        self._compiled = 0.0
+        self._compiled = Stopwatch()
         self._told = False
         self._hearing = ExitStack()
 
@@ -82,13 +81,10 @@ class Lines(Silent):
         self._hearing.close()
 
     def _compiling(self, active: bool) -> None:
-        if active:
-            self._compiling_began = time.monotonic()
-            if self._compiled > LONG and not self._told:
-                self._told = True
-                self._write(f"{self._step}: compiling what runs often, once on this machine (a few minutes at most)")
-        else:
-            self._compiled += time.monotonic() - self._compiling_began
+        self._compiled(active)
+        if active and self._compiled.seconds > LONG and not self._told:
+            self._told = True
+            self._write(f"{self._step}: compiling what runs often, once on this machine (a few minutes at most)")
 
     def _write(self, line: str) -> None:
         self._stream.write(line + "\n")

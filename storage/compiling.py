@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -25,3 +26,18 @@ def tell(active: bool) -> None:
     """Tells all hearers."""
     for hearer in _hearers:
         hearer(active)
+
+
+class Stopwatch:
+    """A hearer that adds up the seconds of compiling."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def __call__(self, active: bool) -> None:
+        """See `Hearer`."""
+        if active:
+            self._began = time.perf_counter()
+        else:
+            self.seconds += time.perf_counter() - self._began

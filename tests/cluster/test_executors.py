@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import time
 
 import pytest
 
@@ -12,6 +13,7 @@ from jobs.errors import MemoryLimitError, WorkerLostError
 from jobs.executors import GrowingExecutor, SerialExecutor
 from jobs.ray_executor import ATTEMPTS, RayExecutor
 from jobs.tasks import Task
+from storage import compiling
 from storage.errors import ModelError, ParameterError
 from tests.cluster.toy_stages import LETHAL, SQUARE, WRONG, square_task
 
@@ -135,6 +137,21 @@ def test_long_work_is_handed_on(place, log):
     executor = GrowingExecutor(larger, patience=1e-9)
     assert [result.reused for result in executor.run([square_task(1, log=str(log), seconds=0.1)], place)] == [True]
     assert executor.name == "serial"
+
+
+def test_compiling_does_not_count_as_long_work(monkeypatch, place, log):
+    """Workers would only compile the same once more, each of them."""
+    whole = time.sleep
+
+    def sleep(seconds):
+        compiling.tell(True)
+        whole(seconds)
+        compiling.tell(False)
+
+    monkeypatch.setattr("tests.cluster.toy_stages.time.sleep", sleep)
+    executor = GrowingExecutor(SerialExecutor(), patience=10.0)
+    list(executor.run([square_task(number, log=str(log), seconds=0.2) for number in range(5)], place))
+    assert 9.5 < executor._patience < 10.0
 
 
 @pytest.mark.slow

@@ -123,6 +123,7 @@ class Bars(Silent):
         """See `Progress.finish`."""
         total = self._bars.tasks[self._bars.task_ids.index(self._task)].total
         self._bars.update(self._task, total=total or 1, completed=total or 1, note=note)
+        self._task = None
 
     def __enter__(self) -> Self:
         self._bars.start()

@@ -31,7 +31,7 @@ from jobs.objects.weld import twins
 from storage.normals import to_octahedral
 from storage.tables import GRID_LIMIT
 
-#: Meshes are handled together up to this many triangles.
+#: Meshes are handled together up to this many triangles, so that the tables over them stay in the processor's cache.
 BATCH_TRIANGLES = 1 << 15
 #: A mesh's grid may be coarser than the model's by this relative amount: rounding in a rotation's stretch.
 STRETCH_TOLERANCE = 1e-6

@@ -45,5 +45,6 @@ def test_a_bar_says_that_kernels_are_compiled():
             compiling.tell(active)
             notes.append(progress._bars.tasks[0].fields["note"])
         progress.finish("2 tasks")
+        compiling.tell(True)  # after it is finished
         notes.append(progress._bars.tasks[0].fields["note"])
     assert notes == ["compiling, once on this machine", "", "2 tasks"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
@@ -51,7 +51,26 @@ class Silent:
         """Nothing to end."""
 
 
-class Lines(Silent):
+class _Heard(Silent):
+    """Hears of compiling while it is entered."""
+
+    _hearing: AbstractContextManager[None]
+
+    def __enter__(self) -> Self:
+        self._hearing = heard_by(self._compiling)
+        self._hearing.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._hearing.__exit__(kind, error, trace)
+
+    def _compiling(self, active: bool) -> None:
+        raise NotImplementedError
+
+
+class Lines(_Heard):
     """Writes one line for each finished step: for log files."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -60,7 +79,6 @@ class Lines(Silent):
         self._began = 0.0
         self._compiled = Stopwatch()
         self._told = False
-        self._hearing = ExitStack()
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -70,15 +88,6 @@ class Lines(Silent):
         """See `Progress.finish`."""
         seconds = time.monotonic() - self._began
         self._write(f"{self._step}: {note} ({seconds:.1f} s)")
-
-    def __enter__(self) -> Self:
-        self._hearing.enter_context(heard_by(self._compiling))
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._hearing.close()
 
     def _compiling(self, active: bool) -> None:
         self._compiled(active)
@@ -91,7 +100,7 @@ class Lines(Silent):
         self._stream.flush()
 
 
-class Bars(Silent):
+class Bars(_Heard):
     """Draws a bar with the time left for the current step, and leaves a line for each finished one."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -109,7 +118,6 @@ class Bars(Silent):
             console=Console(file=stream),
         )
         self._task: Any = None
-        self._hearing = ExitStack()
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -127,13 +135,12 @@ class Bars(Silent):
 
     def __enter__(self) -> Self:
         self._bars.start()
-        self._hearing.enter_context(heard_by(self._compiling))
-        return self
+        return super().__enter__()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._hearing.close()
+        super().__exit__(kind, error, trace)
         self._bars.stop()
 
     def _compiling(self, active: bool) -> None:

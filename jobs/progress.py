@@ -8,10 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
-from storage.compiling import Stopwatch, heard_by
-
-#: After so many seconds of compiling, log files are told of it.
-LONG = 2.0
+from storage.compiling import Notice, heard_by
 
 
 class Progress(Protocol):
@@ -77,8 +74,7 @@ class Lines(_Heard):
         self._stream = stream
         self._step = ""
         self._began = 0.0
-        self._compiled = Stopwatch()
-        self._told = False
+        self._notice = Notice(lambda line: self._write(f"{self._step}: {line}"), "a few minutes")
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -90,10 +86,7 @@ class Lines(_Heard):
         self._write(f"{self._step}: {note} ({seconds:.1f} s)")
 
     def _compiling(self, active: bool) -> None:
-        self._compiled(active)
-        if active and self._compiled.seconds > LONG and not self._told:
-            self._told = True
-            self._write(f"{self._step}: compiling what runs often, once on this machine (a few minutes at most)")
+        self._notice(active)
 
     def _write(self, line: str) -> None:
         self._stream.write(line + "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,7 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
     from player.walkthrough import Settings
     from storage.store import open_store
 
+    _tell_of_compiling(context)
     scene = scene_of(open_store(store))
     path = read_path(path_file) if path_file is not None else None
     settings = Settings(
@@ -185,7 +187,8 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
 )
 @click.option("--frames", type=click.IntRange(1), default=120, show_default=True, help="Poses, 25 a second.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Another number, another tour.")
-def path(store: str, output: Path | None, frames: int, seed: int) -> None:
+@click.pass_context
+def path(context: click.Context, /, store: str, output: Path | None, frames: int, seed: int) -> None:
     """Make an automatic tour through a STORE, as a path file for `vlod play --path`.
 
     The tour keeps clear of surfaces, stays in computed cells where there are any, and looks ahead.
@@ -195,6 +198,7 @@ def path(store: str, output: Path | None, frames: int, seed: int) -> None:
     from player.tour import make_tour, survey
     from storage.store import open_store
 
+    _tell_of_compiling(context)
     scene = scene_of(open_store(store))
     tour = make_tour(scene, survey(scene), frames=frames, seed=seed)
     if output is None:
@@ -202,6 +206,13 @@ def path(store: str, output: Path | None, frames: int, seed: int) -> None:
     else:
         write_path(output, tour)
         click.echo(f"{output}: {len(tour)} poses, {tour.duration:.1f} s, {tour.length:.6g} model units")
+
+
+def _tell_of_compiling(context: click.Context) -> None:
+    """Says on standard error why a machine's first run takes so long, should it."""
+    from storage.compiling import Notice, heard_by
+
+    context.with_resource(heard_by(Notice(partial(click.echo, err=True), "a minute")))
 
 
 def _screen(scene: Any, options: dict[str, Any]) -> Any:

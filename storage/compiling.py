@@ -6,6 +6,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+#: After so many seconds of compiling, those who read lines are told of it.
+LONG = 2.0
+
 #: Told with True when compiling begins, with False when it ends.
 Hearer = Callable[[bool], None]
 
@@ -41,3 +44,20 @@ class Stopwatch:
             self._began = time.perf_counter()
         else:
             self.seconds += time.perf_counter() - self._began
+
+
+class Notice(Stopwatch):
+    """A hearer that writes one line, if compiling takes long."""
+
+    def __init__(self, write: Callable[[str], None], at_most: str) -> None:
+        super().__init__()
+        self._write = write
+        self._at_most = at_most
+        self._told = False
+
+    def __call__(self, active: bool) -> None:
+        """See `Hearer`."""
+        super().__call__(active)
+        if active and self.seconds > LONG and not self._told:
+            self._told = True
+            self._write(f"compiling what runs often, once on this machine ({self._at_most} at most)")

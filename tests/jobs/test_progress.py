@@ -22,7 +22,7 @@ def test_a_line_for_each_finished_step():
 
 @pytest.mark.parametrize(("long", "told"), [(0.0, 1), (60.0, 0)])
 def test_log_files_hear_once_of_long_compiling(monkeypatch, long, told):
-    monkeypatch.setattr("jobs.progress.LONG", long)
+    monkeypatch.setattr(compiling, "LONG", long)
     stream = StringIO()
     with Lines(stream) as progress:
         progress.start("cells")

@@ -8,8 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from player import commands, tour
 from player.path import read_path
+from storage import compiling
 from storage.store import Store
 from tests.player.conftest import store_path
 
@@ -29,6 +32,25 @@ def test_help_shows_an_example(command: str) -> None:
     done = vlod(command, "--help")
     assert done.returncode == 0
     assert "Example" in done.stdout
+
+
+def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    plain = tour.survey
+
+    def compiles_first(*arguments: object) -> object:
+        for _ in range(3):
+            compiling.tell(True)
+            compiling.tell(False)
+        return plain(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(tour, "survey", compiles_first)
+    monkeypatch.setattr(compiling, "LONG", 0.0)
+    arguments = [str(store_path(room)), "-o", str(tmp_path / "tour.json")]
+    for _ in range(2):
+        done = CliRunner().invoke(commands.path, arguments, catch_exceptions=False)
+        assert done.exit_code == 0
+        assert done.stderr.count("compiling what runs often, once on this machine (a minute at most)\n") == 1
+        compiling.tell(True)  # nobody hears it any more
 
 
 def test_a_tour_is_made_and_rendered(room: Store, tmp_path: Path, context: object) -> None:

@@ -37,7 +37,7 @@ class _Corners(click.Option):
 @click.command(
     epilog="Example: vlod build ship.glb ship.store --pixel-error 1 --triangles-per-cell 100000", no_args_is_help=True
 )
-@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("inputs", nargs=-1, metavar="INPUTS...", type=click.Path(path_type=Path))
 @click.argument("store", type=click.Path(path_type=Path))
 @click.option(
     "--view-box", cls=_Corners, help="Where the viewer may be, in model units. Default: the model's box and 2 %."
@@ -187,6 +187,9 @@ def build(
     from jobs.pipeline import build as build_store
     from jobs.progress import progress_for
 
+    if not inputs:
+        named = f"{store} STORE" if store.is_file() else f"MODEL {store}"
+        raise click.UsageError(f"two things must be named: `vlod build {named}`")
     if report is not None:
         report.parent.mkdir(parents=True, exist_ok=True)
     options.update({name: value for name, value in OBJECTS[objects].items() if options[name] is None})

@@ -61,9 +61,8 @@ def build(
     for path in (place.store, place.work):
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{path} is a file: name a directory, new or of an earlier build")
-    place.store.mkdir(parents=True, exist_ok=True)
     current(place.store)  # what the build will be the next version of: better to know now that it cannot be
-    with place.locked(), place.cleaned(), MemoryWatch() as watch:
+    with place.made(), place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = Run(place, executor, progress or Silent(), watch, memory)
 
         imported, tables = make_geometry(run, inputs, parameters)

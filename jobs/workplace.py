@@ -1,6 +1,6 @@
 """Where a build keeps the results of its tasks: the work directory, with its lock and its leftovers.
 
-    WORK/lock                     held while a build runs; names its process
+    WORK/lock                     there and held while a build runs; names its process
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
     WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.temporary
 
@@ -15,10 +15,15 @@ import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
+from typing import TextIO
 
 from jobs.errors import WorkInUseError
 from storage.temporary import abandoned, host, temporary_path
+
+#: The file in the work directory that says that a build runs.
+LOCK = "lock"
 
 
 @dataclass(frozen=True)
@@ -53,28 +58,58 @@ class Workplace:
         return final
 
     @contextlib.contextmanager
+    def made(self) -> Iterator[None]:
+        """Makes the two directories; what was not there before goes again if nothing came to be in it."""
+        new = [
+            path
+            for start in (self.work, self.store)
+            for path in takewhile(lambda path: not path.exists(), (start, *start.parents))
+        ]
+        self.store.mkdir(parents=True, exist_ok=True)
+        self.work.mkdir(parents=True, exist_ok=True)
+        try:
+            yield
+        finally:
+            for path in new:
+                with contextlib.suppress(OSError):
+                    path.rmdir()
+
+    @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
         """Keeps other builds out of the work directory. Raises WorkInUseError at once if one is in.
 
         The system gives the lock back when its process ends, however it ends.
         """
-        self.work.mkdir(parents=True, exist_ok=True)
-        with (self.work / "lock").open("a+") as file:
+        with self._lock() as file:
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                file.seek(0)
-                owner = file.read().strip() or "another process"
-                raise WorkInUseError(
-                    f"{self.work} is in use by another build ({owner}): wait for it, or choose another --work directory"
-                ) from None
-            file.truncate(0)
-            file.write(f"process {os.getpid()} on {host()}\n")
-            file.flush()
-            try:
+                file.truncate(0)
+                file.write(f"process {os.getpid()} on {host()}\n")
+                file.flush()
                 yield
             finally:
-                file.truncate(0)
+                (self.work / LOCK).unlink(missing_ok=True)
+
+    def _lock(self) -> TextIO:
+        """The lock's file, opened and held."""
+        while True:
+            self.work.mkdir(parents=True, exist_ok=True)
+            with contextlib.ExitStack() as opened:
+                try:
+                    file = opened.enter_context((self.work / LOCK).open("a+"))
+                except FileNotFoundError:  # another build ended just now, and took its directory along
+                    continue
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    file.seek(0)
+                    owner = file.read().strip() or "another process"
+                    raise WorkInUseError(
+                        f"{self.work} is in use by another build ({owner}): wait for it, or choose another --work "
+                        "directory"
+                    ) from None
+                if _is_at(file, self.work / LOCK):
+                    opened.pop_all()
+                    return file
 
     @contextlib.contextmanager
     def cleaned(self) -> Iterator[None]:
@@ -86,7 +121,10 @@ class Workplace:
             self.clean()
 
     def clean(self) -> int:
-        """Removes what killed writers left behind, here and in the store; returns how many. What is written stays."""
+        """Removes what killed writers left behind, here and in the store; returns how many. What is written stays.
+
+        Folders of stages in which nothing was finished go as well.
+        """
         removed = 0
         for folder in (*self.work.glob("*/"), self.store, *self.store.glob("*/")):
             for path in abandoned(folder):
@@ -95,7 +133,18 @@ class Workplace:
                 else:
                     path.unlink(missing_ok=True)
                 removed += 1
+        for stage in self.work.glob("*/"):
+            with contextlib.suppress(OSError):
+                stage.rmdir()
         return removed
+
+
+def _is_at(file: TextIO, path: Path) -> bool:
+    """Whether an open file is still the one at `path`: what is removed may be locked, and keeps nobody out."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _flush(path: Path) -> None:

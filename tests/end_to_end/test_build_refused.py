@@ -45,8 +45,28 @@ def mounted(path, options):
 
 
 def test_a_missing_model(tmp_path):
-    assert "absent.glb" in refused("build", tmp_path / "absent.glb", tmp_path / "store")
-    assert not (tmp_path / "store").exists() or not any((tmp_path / "store").glob("manifest.json"))
+    assert "absent.glb" in refused("build", tmp_path / "absent.glb", tmp_path / "deep" / "store")
+    assert not (tmp_path / "deep").exists()
+
+
+def test_a_missing_model_beside_what_is_the_users(tmp_path):
+    (tmp_path / "store").mkdir()
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / "mine").write_text("mine")
+    refused("build", tmp_path / "absent.glb", tmp_path / "store", "--work", tmp_path / "work")
+    assert not any((tmp_path / "store").iterdir())
+    assert [path.name for path in (tmp_path / "work").iterdir()] == ["mine"]
+
+
+@pytest.mark.parametrize(("name", "cure"), [("rooms.obj", "rooms.obj STORE`"), ("rooms.store", "rooms.store`")])
+def test_one_name_where_two_are_needed(tmp_path, name, cure):
+    (tmp_path / "rooms.obj").write_text("")
+    done = subprocess.run(
+        [*VLOD, "build", str(tmp_path / name)], check=False, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].endswith(cure)
+    assert [path.name for path in tmp_path.iterdir()] == ["rooms.obj"]
 
 
 def test_a_file_that_is_no_model(tmp_path):
@@ -54,6 +74,7 @@ def test_a_file_that_is_no_model(tmp_path):
     assert "notes.obj" in refused("build", tmp_path / "notes.obj", tmp_path / "store")
     (tmp_path / "noise.glb").write_bytes(bytes(range(256)) * 9)
     assert "noise.glb" in refused("build", tmp_path / "noise.glb", tmp_path / "store")
+    assert not (tmp_path / "store").exists()
 
 
 def test_too_little_memory_names_what_suffices(model, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import json
 import math
 import os
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 import jobs.tasks
 from jobs.errors import CodeMismatchError, WorkInUseError
 from jobs.tasks import RECORD, Task, content_key, find_finished, run_task
-from jobs.workplace import Workplace
+from jobs.workplace import LOCK, Workplace
 from tests.cluster.toy_stages import SLOW, SQUARE, square_task
 
 json_values = st.recursive(
@@ -151,3 +152,29 @@ except WorkInUseError as error:
         pass
     with place.locked(), pytest.raises(WorkInUseError, match="--work"), place.locked():
         pass
+    assert not (place.work / LOCK).exists()
+
+
+def test_a_lock_that_was_removed_meanwhile_keeps_nobody_out_and_lets_nobody_in(place, monkeypatch):
+    """Two builds open the same file; the first ends, and removes it, before the second has it."""
+    flock = fcntl.flock
+
+    def removed_before(file, how):
+        monkeypatch.setattr(fcntl, "flock", flock)
+        (place.work / LOCK).unlink()
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", removed_before)
+    with place.locked(), pytest.raises(WorkInUseError), place.locked():
+        pass
+
+
+def test_what_a_build_made_goes_with_it_unless_something_was_finished(tmp_path):
+    place = Workplace(tmp_path / "far" / "work", tmp_path / "deep" / "store")
+    with place.made(), place.locked(), place.cleaned():
+        place.new_temporary("stage").rmdir()
+    assert not any(tmp_path.iterdir())
+    with place.made(), place.locked(), place.cleaned():
+        place.publish(place.new_temporary("stage"), "stage", "k" * 32)
+    assert [path.name for path in tmp_path.iterdir()] == ["far"]
+    assert [path.name for path in place.work.iterdir()] == ["stage"]

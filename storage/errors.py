@@ -17,6 +17,9 @@ the path or value, says what was expected, and what to do. The command line prin
 
 from __future__ import annotations
 
+#: What helps against damage: a build makes again what is not there, and nothing else.
+CURE = "copy it again, or remove it and run the build again"
+
 
 class VlodError(Exception):
     """Base of all errors that a user can cause or cure. The message is one line."""

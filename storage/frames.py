@@ -29,7 +29,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from storage.errors import CorruptStoreError
+from storage.errors import CURE, CorruptStoreError
 from storage.temporary import temporary_path
 
 MAGIC = b"vLODshd\x01"
@@ -237,9 +237,7 @@ class ShardReader:
         return data
 
     def _corrupt(self, what: str) -> CorruptStoreError:
-        return CorruptStoreError(
-            f"{shard_path(self.record.name)} is damaged: {what}; copy the shard again or rebuild the store"
-        )
+        return CorruptStoreError(f"{shard_path(self.record.name)} is damaged: {what}; {CURE}")
 
 
 def checksum(payload: bytes) -> int:

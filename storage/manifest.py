@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from storage.errors import CorruptStoreError, StoreFormatError
+from storage.errors import CURE, CorruptStoreError, StoreFormatError
 from storage.frames import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
@@ -96,11 +96,9 @@ def from_bytes(data: bytes, place: str) -> Manifest:
         found = content.pop("checksum")
         number = content["format"]
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-        raise CorruptStoreError(
-            f"{damaged}: it is not a vLOD manifest; commit it again or rebuild the store"
-        ) from error
+        raise CorruptStoreError(f"{damaged}: it is not a vLOD manifest; {CURE}") from error
     if found != _checksum(content) or _with_checksum(content) != data:
-        raise CorruptStoreError(f"{damaged}: it does not match its checksum; commit it again or rebuild the store")
+        raise CorruptStoreError(f"{damaged}: it does not match its checksum; {CURE}")
     if number != FORMAT:
         raise StoreFormatError(
             f"{place} is of format {number}, this vLOD reads format {FORMAT}; rebuild the "
@@ -109,7 +107,7 @@ def from_bytes(data: bytes, place: str) -> Manifest:
     try:
         return Manifest(**content)
     except (TypeError, ValueError) as error:
-        raise CorruptStoreError(f"{damaged}: {error}; rebuild the store") from error
+        raise CorruptStoreError(f"{damaged}: {error}; {CURE}") from error
 
 
 def current(root: Path) -> Manifest | None:

@@ -342,7 +342,7 @@ class Geometry:
                 return self.files.read(path, start, end)
             except StoreNotFoundError as error:
                 raise CorruptStoreError(
-                    f"{self.files.url}/{path} is missing; copy it again or rebuild the store"
+                    f"{self.files.url}/{path} is missing; copy it again or run the build again"
                 ) from error
 
         return ShardReader(record, read)
@@ -475,7 +475,7 @@ class Store(Geometry):
                 size = self.files.size(path)
                 if size is not None and size != record.bytes:
                     yield Problem(
-                        path, f"{path} has {size} bytes, not {record.bytes}; copy it again or rebuild the store"
+                        path, f"{path} has {size} bytes, not {record.bytes}; copy it again or run the build again"
                     )
                     continue
                 for what in self._reader(record).problems():

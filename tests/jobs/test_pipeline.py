@@ -16,7 +16,7 @@ from jobs.pipeline import build
 from jobs.verify import verify
 from jobs.workplace import Workplace
 from storage import open_store
-from storage.errors import ModelError, ParameterError, StoreFormatError, StoreNotFoundError
+from storage.errors import CURE, CorruptStoreError, ModelError, ParameterError, StoreFormatError, StoreNotFoundError
 from storage.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 
@@ -212,6 +212,24 @@ def test_a_lost_shard_is_made_again(model, tmp_path):
     report = build([model], store, PARAMETERS, SerialExecutor())
     assert report.tasks_run > 0
     assert shards(store) == whole
+
+
+def test_the_cure_that_damage_is_reported_with_helps(model, tmp_path):
+    store = tmp_path / "store"
+    build([model], store, PARAMETERS, SerialExecutor())
+    damaged = [store / "manifest.json", *sorted((store / "shards").iterdir())[::3]]
+    for path in damaged:
+        whole = path.read_bytes()
+        path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 4]))
+        try:
+            said = [problem.what for problem in open_store(store).check()]
+        except CorruptStoreError as error:
+            said = [str(error)]
+        assert any(path.name in line and line.endswith(CURE) for line in said)
+        path.unlink()
+        build([model], store, PARAMETERS, SerialExecutor())
+        assert path.read_bytes() == whole
+        assert not list(open_store(store).check())
 
 
 def test_an_edited_model_is_built_anew(tmp_path):

@@ -12,7 +12,7 @@ Read in this order:
                    import_memory the size of an import
     tasks          what a task is, when it is finished; workplace holds their results, arrays writes them
     executors      tasks in this process, or elsewhere once they take long; ray_executor: tasks on a cluster (the only
-                   module that knows Ray); choose_executor: which of them
+                   module that knows Ray); choose_executor: which of them; compiling_signs: that workers compile
     verify         an oracle for finished stores
     commands       the command line
 

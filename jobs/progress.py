@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
-from storage.compiling import Notice, heard_by
+from storage.compiling import OnceLong, heard_by, notice
 
 
 class Progress(Protocol):
@@ -74,7 +74,7 @@ class Lines(_Heard):
         self._stream = stream
         self._step = ""
         self._began = 0.0
-        self._notice = Notice(lambda line: self._write(f"{self._step}: {line}"), "a few minutes")
+        self._told = OnceLong(lambda: self._write(f"{self._step}: {notice('a few minutes')}"))
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
@@ -86,7 +86,7 @@ class Lines(_Heard):
         self._write(f"{self._step}: {note} ({seconds:.1f} s)")
 
     def _compiling(self, active: bool) -> None:
-        self._notice(active)
+        self._told(active)
 
     def _write(self, line: str) -> None:
         self._stream.write(line + "\n")
@@ -138,7 +138,7 @@ class Bars(_Heard):
 
     def _compiling(self, active: bool) -> None:
         if self._task is not None:
-            self._bars.update(self._task, note="compiling, once on this machine" if active else "")
+            self._bars.update(self._task, note="compiling, once on a machine" if active else "")
 
 
 def progress_for(stream: TextIO | None = None) -> Bars | Lines:

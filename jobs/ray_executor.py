@@ -16,10 +16,12 @@ from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from jobs.compiling_signs import seen, shown
 from jobs.errors import ClusterError, MemoryLimitError, WorkerLostError
 from jobs.executors import Backlog, Then, no_more
 from jobs.tasks import Task, TaskResult, find_finished, run_task
 from jobs.workplace import Workplace
+from storage.compiling import tell
 
 #: Attempts at a task whose worker or node died; spot nodes vanish, but a task that kills workers must end.
 ATTEMPTS = 4
@@ -32,6 +34,9 @@ OBJECT_STORE = 80 << 20
 
 #: How long the head node of a cluster may take to answer, in seconds.
 CONNECT_SECONDS = 10.0
+
+#: How often to look whether a task is late because its worker compiles, in seconds.
+LOOK_SECONDS = 1.0
 
 #: Settings of a Ray that is started here; what the user has set stays.
 _ENVIRONMENT = {
@@ -83,7 +88,7 @@ class RayExecutor:
                         running[self._submit(attempt, place)] = attempt
                 if not running:
                     return
-                reference, attempt = self._wait(running)
+                reference, attempt = _wait(running, place)
                 result = self._collect(reference, attempt)
                 if result is None:
                     running[self._submit(attempt, place)] = attempt
@@ -116,12 +121,6 @@ class RayExecutor:
                 f"the largest machine gives {self._largest_node / 2**30:.1f} GiB: use a larger one"
             )
         return remote.options(memory=attempt.memory).remote(attempt.task, place)
-
-    def _wait(self, running: dict[Any, _Attempt]) -> tuple[Any, _Attempt]:
-        import ray
-
-        ready, _ = ray.wait(list(running), num_returns=1)
-        return ready[0], running.pop(ready[0])
 
     def _collect(self, reference: Any, attempt: _Attempt) -> TaskResult | None:
         """The result of a task that has ended; None if it is to be tried again. Raises the task's own error."""
@@ -215,8 +214,33 @@ class RayExecutor:
             (node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0
         )
         # Ray's own retries are off: they would be endless where memory runs out. `_collect` decides.
-        self._remote = ray.remote(num_cpus=1, max_retries=0)(run_task)
+        self._remote = ray.remote(num_cpus=1, max_retries=0)(_run_shown)
         return self._remote
+
+
+def _run_shown(task: Task, place: Workplace) -> TaskResult:
+    with shown(place):
+        return run_task(task, place)
+
+
+def _wait(running: dict[Any, _Attempt], place: Workplace) -> tuple[Any, _Attempt]:
+    """The next task that has ended, taken out of the running. Tells of compiling meanwhile."""
+    import ray
+
+    told = False
+    try:
+        while True:
+            ready, _ = ray.wait(list(running), num_returns=1, timeout=LOOK_SECONDS)
+            if ready:
+                return ready[0], running.pop(ready[0])
+            if told:
+                tell(False)
+            told = seen(place)
+            if told:
+                tell(True)
+    finally:
+        if told:
+            tell(False)
 
 
 def _knock(address: str | None) -> None:

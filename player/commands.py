@@ -210,9 +210,9 @@ def path(context: click.Context, /, store: str, output: Path | None, frames: int
 
 def _tell_of_compiling(context: click.Context) -> None:
     """Says on standard error why a machine's first run takes so long, should it."""
-    from storage.compiling import Notice, heard_by
+    from storage.compiling import OnceLong, heard_by, notice
 
-    context.with_resource(heard_by(Notice(partial(click.echo, err=True), "a minute")))
+    context.with_resource(heard_by(OnceLong(partial(click.echo, notice("a minute"), err=True))))
 
 
 def _screen(scene: Any, options: dict[str, Any]) -> Any:

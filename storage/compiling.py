@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-#: After so many seconds of compiling, those who read lines are told of it.
+#: Compiling is told of in lines when it takes more than so many seconds.
 LONG = 2.0
 
 #: Told with True when compiling begins, with False when it ends.
@@ -46,18 +46,22 @@ class Stopwatch:
             self.seconds += time.perf_counter() - self._began
 
 
-class Notice(Stopwatch):
-    """A hearer that writes one line, if compiling takes long."""
+class OnceLong(Stopwatch):
+    """A hearer that does something once, if compiling takes long."""
 
-    def __init__(self, write: Callable[[str], None], at_most: str) -> None:
+    def __init__(self, do: Callable[[], object]) -> None:
         super().__init__()
-        self._write = write
-        self._at_most = at_most
-        self._told = False
+        self._do = do
+        self._done = False
 
     def __call__(self, active: bool) -> None:
         """See `Hearer`."""
         super().__call__(active)
-        if active and self.seconds > LONG and not self._told:
-            self._told = True
-            self._write(f"compiling what runs often, once on this machine ({self._at_most} at most)")
+        if active and self.seconds > LONG and not self._done:
+            self._done = True
+            self._do()
+
+
+def notice(at_most: str) -> str:
+    """A line for those who wait: what for, and for how long."""
+    return f"compiling what runs often, once on a machine ({at_most} at most)"

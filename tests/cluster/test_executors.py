@@ -15,7 +15,7 @@ from jobs.ray_executor import ATTEMPTS, RayExecutor
 from jobs.tasks import Task
 from storage import compiling
 from storage.errors import ModelError, ParameterError
-from tests.cluster.toy_stages import LETHAL, SQUARE, WRONG, square_task
+from tests.cluster.toy_stages import COMPILING, LETHAL, SQUARE, WRONG, square_task
 
 
 @pytest.fixture
@@ -152,6 +152,17 @@ def test_compiling_does_not_count_as_long_work(monkeypatch, place, log):
     executor = GrowingExecutor(SerialExecutor(), patience=10.0)
     list(executor.run([square_task(number, log=str(log), seconds=0.2) for number in range(5)], place))
     assert 9.5 < executor._patience < 10.0
+
+
+@pytest.mark.slow
+def test_that_workers_compile_is_heard_of(ray_executor, place):
+    heard = []
+    task = Task(COMPILING, {"turns": [compiling.LONG + 0.1, 4.0]}, {}, memory=50 << 20)
+    with compiling.heard_by(heard.append):
+        list(ray_executor.run([task], place))
+    assert heard
+    assert heard == [True, False] * (len(heard) // 2)
+    assert not any((place.work / "compiling").iterdir())
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs.tasks import Assignment, Stage, Task
+from storage.compiling import tell
 from storage.errors import ModelError
 
 _CODE = ("tests.cluster.toy_stages",)
@@ -16,6 +17,7 @@ SQUARE = Stage("square", "tests.cluster.toy_stages:square", _CODE)
 LETHAL = Stage("lethal", "tests.cluster.toy_stages:lethal", _CODE)
 WRONG = Stage("wrong", "tests.cluster.toy_stages:wrong", _CODE)
 SLOW = Stage("slow", "tests.cluster.toy_stages:slow", _CODE)
+COMPILING = Stage("compiled", "tests.cluster.toy_stages:compiles", _CODE)
 
 
 def square_task(number: int, seconds: float = 0.0, **places: str) -> Task:
@@ -52,6 +54,15 @@ def slow(work: Assignment) -> dict[str, Any]:
     """Takes a minute."""
     _note(work)
     time.sleep(60)
+    return {}
+
+
+def compiles(work: Assignment) -> dict[str, Any]:
+    """Says that it compiles, in turns of some seconds."""
+    for seconds in work.payload["turns"]:
+        tell(True)
+        time.sleep(seconds)
+        tell(False)
     return {}
 
 

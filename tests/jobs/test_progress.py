@@ -47,4 +47,4 @@ def test_a_bar_says_that_kernels_are_compiled():
         progress.finish("2 tasks")
         compiling.tell(True)  # after it is finished
         notes.append(progress._bars.tasks[0].fields["note"])
-    assert notes == ["compiling, once on this machine", "", "2 tasks"]
+    assert notes == ["compiling, once on a machine", "", "2 tasks"]

@@ -49,7 +49,7 @@ def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.Monk
     for _ in range(2):
         done = CliRunner().invoke(commands.path, arguments, catch_exceptions=False)
         assert done.exit_code == 0
-        assert done.stderr.count("compiling what runs often, once on this machine (a minute at most)\n") == 1
+        assert done.stderr.count(f"{compiling.notice('a minute')}\n") == 1
         compiling.tell(True)  # nobody hears it any more
 
 

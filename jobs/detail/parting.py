@@ -33,9 +33,11 @@ COMPACT2 = 0.4
 NEAR2 = 0.6
 #: Room for a polygon's corners: a cut adds one at most to each of its parts.
 MAX_CORNERS = 20
-#: Polygons waiting to be bounded; each step replaces one by at most four, to the depth below.
-MAX_STACK = 400
-MAX_DEPTH = 96
+#: Polygons cut more often than this are halved only, which makes them small for certain, and then given up.
+MAX_CUTS = 96
+MAX_DEPTH = 144
+#: Polygons waiting to be bounded; each cut replaces one by at most four, each halving by two.
+MAX_STACK = 4 * MAX_CUTS + MAX_DEPTH - MAX_CUTS + 8
 #: Cuts spared where the cut-off part would be thinner than this, in the meshes' units (grid steps).
 THIN = 1e-6
 #: The bound need not be as close as was asked for where effort runs out, but squared may be this many times as large;
@@ -365,7 +367,7 @@ def bound_by_parts(
                 bound2 = max(bound2, here2)
                 continue
         large2 = LARGE2 * _size2(corners, k)
-        cut = n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
+        cut = depth < MAX_CUTS and n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
         look_up = walked >= MANY_WALKS or not cut
         if look_up:
             here2, worst = _corner_bound(frames, k, polygon, n)

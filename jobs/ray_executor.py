@@ -120,7 +120,8 @@ class RayExecutor:
                 f"a task of stage {attempt.task.stage.name!r} needs about {attempt.memory / 2**30:.1f} GiB of memory, "
                 f"the largest machine gives {self._largest_node / 2**30:.1f} GiB: use a larger one"
             )
-        return remote.options(memory=attempt.memory).remote(attempt.task, place)
+        # The name is what Ray's dashboard and `ps` show of the worker.
+        return remote.options(memory=attempt.memory, name=f"vlod {attempt.task.stage.name}").remote(attempt.task, place)
 
     def _collect(self, reference: Any, attempt: _Attempt) -> TaskResult | None:
         """The result of a task that has ended; None if it is to be tried again. Raises the task's own error."""

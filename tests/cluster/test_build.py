@@ -54,7 +54,7 @@ def test_killed_workers_do_not_change_a_byte(model, serial, ray_executor, tmp_pa
 
         while not stop.wait(0.02) and len(killed) < 3:
             for process in psutil.Process().children(recursive=True):
-                if process.name().startswith("ray::run_task"):
+                if process.name().startswith("ray::vlod"):
                     os.kill(process.pid, signal.SIGKILL)
                     killed.append(process.pid)
                     time.sleep(0.5)

@@ -141,8 +141,8 @@ def join_nodes(
     """The whole model's nodes and drawables.
 
     end (n,) int64: the tree, see jobs.objects.tree; chunks: the places in the tree (k,), nodes (k,) and drawables of
-    each task; geometries: how many meshes each task stored. Nodes of the tree that nothing was stored for are left
-    out. The box of each node grows to hold those below it.
+    each task, which have each node of the tree once; geometries: how many meshes each task stored. The box of each node
+    grows to hold those below it.
     """
     places = np.concatenate([places for places, _, _ in chunks])
     shifts = np.cumsum([0, *geometries])
@@ -159,7 +159,7 @@ def join_nodes(
     nodes, drawables = nodes[order], drawables[source]
     nodes["first_drawable"] = starts[:-1]
     drawables["node"] = np.repeat(np.arange(len(order)), levels)
-    nodes["end"] = np.searchsorted(places[order], end[places[order]])
+    nodes["end"] = end
     lo, hi = nodes["lo"].copy(), nodes["hi"].copy()
     ends = nodes["end"].tolist()
     for node in range(len(nodes) - 1, -1, -1):

@@ -108,7 +108,7 @@ def take_over_border_normals(
     """
     if len(locked) == 0:
         return
-    place = np.full(finest_triangles.max() + 1, -1, np.int32)
+    place = np.full(max(finest_triangles.max(), locked.max()) + 1, -1, np.int32)
     for i in range(len(locked)):
         place[locked[i]] = i
     start = np.zeros(len(locked) + 1, np.int64)
@@ -125,7 +125,7 @@ def take_over_border_normals(
         if i >= 0:
             corners[filled[i]] = c
             filled[i] += 1
-    where = np.full(triangles.max() + 1, -1, np.int32)
+    where = np.full(max(triangles.max(), held.max()) + 1, -1, np.int32)
     for i in range(len(held)):
         where[held[i]] = i
     for c in range(3 * len(triangles)):

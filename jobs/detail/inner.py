@@ -83,7 +83,7 @@ def make_inner(
             bound, _ = hausdorff_bound(coarse, given, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
             error = max(error, worst + bound)
         error = error * (1.0 + ROUNDING) + ROUNDING_STEPS
-        held = np.flatnonzero(same_places(coarser.points, locks.points)).astype(np.int32)
+        held = np.flatnonzero(same_places(coarser.points, mesh.points[locked])).astype(np.int32)
         shading = np.empty((0, 3), np.float32)
         if len(held):
             shading = np.repeat(face_normals(mesh.points, mesh.triangles)[0], 3, axis=0).astype(np.float32)

@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.detail.borders import same_places
-from jobs.detail.closest import make_surface
 from jobs.detail.displacement import snapped
-from jobs.detail.hausdorff import one_sided_bound
-from jobs.detail.levels import FEWEST, ROUNDING_STEPS, SLACK, Mesh, coarser_levels
+from jobs.detail.levels import FEWEST, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
-from jobs.detail.pieces import FLAT_STEPS, ROUNDING, PieceSet
+from jobs.detail.pieces import ROUNDING, PieceSet
 from jobs.importing.model import Model
 from jobs.importing.saved import turned
+from jobs.objects.flat_faces import with_area
 from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
 from storage.normals import from_octahedral
 from storage.placement import normal_matrix, placed, transform_points
@@ -70,8 +69,8 @@ class Leaf(NamedTuple):
     offers: list[Offer]
 
 
-def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> Patch | None:
-    """The triangles of a leaf's members on the grid of `scale` units a step; None where all have lost their area."""
+def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> Patch:
+    """The triangles of a leaf's members on the grid of `scale` units a step."""
     taken = [_taken(model, member) for member in members]
     points = _joined([t.points for t in taken])
     shading, colours = _joined([t.shading for t in taken]), _joined([t.colours for t in taken])
@@ -81,17 +80,13 @@ def gather(model: Model, members: Sequence[Member], scale: float, leaf: int) -> 
     if len(members) > 1:
         group = np.repeat(_ordinals([member.part for member in members]), [len(t.points) for t in taken])
     ids, first = weld(grid, group)
-    points, triangles = grid[first], ids.reshape(-1, 3)
+    points, triangles, kept, widened = with_area(grid[first], ids.reshape(-1, 3))
     error = max(t.error for t in taken) / scale
     if any(member.matrix is not None for member in members):
         error += float(displacement.max())
     outward = bool(all(member.set.pieces["outward"][member.piece] for member in members))
-    flat = degenerate_triangles(points, triangles)
-    if flat.any():
-        kept = np.flatnonzero(~flat)
-        if len(kept) == 0:
-            return None
-        error += _flat_error(points, triangles, kept)
+    if len(widened) or len(kept) < len(triangles):
+        error += 1.0 if len(widened) else 0.0
         used, triangles = compacted(triangles[kept], len(points))
         points = points[used]
         corners = (3 * kept[:, None] + np.arange(3)).reshape(-1)
@@ -142,17 +137,14 @@ def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offe
     if normal_matrix(member.matrix)[1]:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
         colours = _reversed(colours)
-    kept = np.flatnonzero(~degenerate_triangles(points, triangles))
     error = offer.error * scale * member.stretch / step + np.sqrt(3.0) / 2
-    if len(kept) < len(triangles):
-        extent = points.max(axis=0) - points.min(axis=0)
-        error += (
-            float(np.sqrt((extent.astype(np.float64) ** 2).sum()))
-            if len(kept) == 0
-            else _flat_error(points, triangles, kept)
-        )
+    if degenerate_triangles(points, triangles).any():
+        ids, first = weld(points, np.zeros(len(points), np.int32))
+        points, triangles, kept, widened = with_area(points[first], ids[triangles])
+        error += 1.0 if len(widened) else 0.0
         colours = colours.reshape(-1, 3, 4)[kept].reshape(-1, 4)
-        triangles = triangles[kept]
+        used, triangles = compacted(triangles[kept], len(points))
+        points = points[used]
     return Offer(points, triangles, colours, error * (1.0 + ROUNDING), offer.outward, _locks(member, step))
 
 
@@ -181,7 +173,7 @@ def _taken(model: Model, member: Member) -> _Taken:
         linear, mirrored = normal_matrix(member.matrix)
         points = transform_points(member.matrix, points)
         shading = turned(shading, linear)
-        error *= member.stretch
+        error = float(piece["left_out"]) * float(piece["scale"]) * member.stretch
         if mirrored:
             points, shading, colours = (
                 a.reshape(count, 3, -1)[:, ::-1].reshape(3 * count, -1) for a in (points, shading, colours)
@@ -192,14 +184,6 @@ def _taken(model: Model, member: Member) -> _Taken:
 def _reversed(corners: np.ndarray) -> np.ndarray:
     """What triangles' corners (3 m, k) carry, the other way round in each."""
     return corners.reshape(len(corners) // 3, 3, -1)[:, ::-1].reshape(len(corners), -1)
-
-
-def _flat_error(points: np.ndarray, triangles: np.ndarray, kept: np.ndarray) -> float:
-    """How far triangles that are not kept lie from those that are, at most."""
-    whole = points.astype(np.float64)
-    lost, rest = np.delete(triangles, kept, axis=0), triangles[kept]
-    flat, left = (make_surface(whole, some, twins(some)) for some in (lost, rest))
-    return float(one_sided_bound(flat, left, FLAT_STEPS, SLACK)) + ROUNDING_STEPS
 
 
 def _ordinals(parts: Sequence[int]) -> np.ndarray:

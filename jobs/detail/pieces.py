@@ -19,15 +19,11 @@ import numpy as np
 
 from jobs.arrays import mapped_array, save_array
 from jobs.detail.attributes import corner_normals, keep_given_normals
-from jobs.detail.closest import Surface, make_surface
 from jobs.detail.displacement import group_maximum, snapped
 from jobs.detail.face_normals import face_normals
-from jobs.detail.hausdorff import one_sided_bound
-from jobs.detail.levels import ROUNDING_STEPS, SLACK
 from jobs.detail.options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces
-from jobs.objects.weld import twins
 from storage.normals import to_octahedral
 from storage.tables import GRID_LIMIT
 
@@ -35,8 +31,6 @@ from storage.tables import GRID_LIMIT
 BATCH_TRIANGLES = 1 << 15
 #: A mesh's grid may be coarser than the model's by this relative amount: rounding in a rotation's stretch.
 STRETCH_TOLERANCE = 1e-6
-#: Faces without area are not measured more closely than this, in grid steps.
-FLAT_STEPS = 1e-2
 #: What rounding may have done to a displacement, relative.
 ROUNDING = 1e-12
 
@@ -49,7 +43,8 @@ PIECE = np.dtype(
         ("scale", "<f8"),  # local units per grid step, a power of two
         ("lo", "<f8", (3,)),  # box in local units
         ("hi", "<f8", (3,)),
-        ("error", "<f8"),  # what snapping moved, in grid steps: bounds the distance to the imported triangles both ways
+        ("error", "<f8"),  # how far what is snapped lies from the imported triangles, both ways, in grid steps
+        ("left_out", "<f8"),  # how far faces that are not drawn lie from the imported ones that are, 0 without any
         ("outward", "?"),  # its components are closed (with their other pieces) and wound outward
         ("split", "?"),  # it shares vertices with other pieces
     ]
@@ -153,7 +148,7 @@ def _batches(model: Model, mesh_ids: Sequence[int], options: DetailOptions) -> I
         shading = corner_normals(found.points, found.triangles, found.twin, normals, areas, crease)
         keep_given_normals(shading, np.concatenate([view.normals for view in views]), corners, normals)
         errors = group_maximum(displacement[corners], 3 * found.start)
-        _raise_by_flat(errors, found, grid_points, triangles, displacement)
+        worst = _left_out(found, displacement[triangles])
 
         count = len(found.start) - 1
         pieces = np.zeros(count, PIECE)
@@ -161,7 +156,8 @@ def _batches(model: Model, mesh_ids: Sequence[int], options: DetailOptions) -> I
         pieces["start"], pieces["triangles"] = found.start[:-1], np.diff(found.start)
         pieces["scale"] = scales[found.mesh]
         pieces["lo"], pieces["hi"] = found.lo * scales[found.mesh, None], found.hi * scales[found.mesh, None]
-        pieces["error"] = errors * (1.0 + ROUNDING)
+        pieces["error"] = np.maximum(errors, worst) * (1.0 + ROUNDING)
+        pieces["left_out"] = np.where(worst >= 0, errors + worst, 0.0) * (1.0 + ROUNDING)
         pieces["outward"] = found.outward
         owners = np.argsort(found.sharing, kind="stable")
         vertices = np.repeat(np.arange(len(found.shared), dtype=np.int32), np.diff(found.sharing_start))
@@ -207,35 +203,15 @@ def _joined_starts(starts: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.concatenate([np.diff(s) for s in starts]))]).astype(np.int64)
 
 
-def _raise_by_flat(
-    errors: np.ndarray, found: Pieces, grid_points: np.ndarray, triangles: np.ndarray, displacement: np.ndarray
-) -> None:
-    """Raise the pieces' errors (pieces,), in grid steps, so that they cover the faces that lost their area.
+def _left_out(found: Pieces, displacement: np.ndarray) -> np.ndarray:
+    """How far snapping moved faces that are not drawn and may belong to each piece: (pieces,), -1 without any.
 
-    Each component's flat faces are charged to the one of its pieces that they are nearest to.
+    displacement (m, 3): of the corners of all faces. On the grid such a face lies on others of its component, in one
+    piece of it or in several.
     """
-    if len(found.flat_component) == 0:
-        return
-    piece = np.repeat(np.arange(len(found.start) - 1), np.diff(found.start))
-    order = np.argsort(found.flat_component, kind="stable")
-    components, begin = np.unique(found.flat_component[order], return_index=True)
-    by_component = np.argsort(found.component, kind="stable")
-    ends = np.searchsorted(found.component[by_component], [components, components + 1]).T
-    for own, (first, last) in zip(np.split(found.flat_source[order], begin[1:]), ends.tolist(), strict=True):
-        corners, flat = _surface(grid_points, triangles[own])
-        nearest, smallest = 0, np.inf
-        of_component = by_component[first:last]
-        for p in np.unique(piece[of_component]).tolist():
-            _, surface = _surface(found.points, found.triangles[of_component[piece[of_component] == p]])
-            bound = one_sided_bound(flat, surface, FLAT_STEPS, SLACK)
-            if bound < smallest:
-                nearest, smallest = p, bound
-        charge = float(displacement[corners].max()) + smallest + (ROUNDING_STEPS if smallest > 0 else 0.0)
-        errors[nearest] = max(errors[nearest], charge)
-
-
-def _surface(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, Surface]:
-    """Triangles (m, 3) over some of points (n, 3) int32: the points that they use, and their surface."""
-    used, local = np.unique(triangles, return_inverse=True)
-    local = local.reshape(-1, 3).astype(np.int32)
-    return used, make_surface(points[used].astype(np.float64), local, twins(local))
+    worst = np.full(len(found.start) - 1, -1.0)
+    if len(found.flat_source):
+        of_component = np.full(int(found.component.max()) + 1, -1.0)
+        np.maximum.at(of_component, found.flat_component, displacement[found.flat_source].max(axis=1))
+        np.maximum.at(worst, np.repeat(np.arange(len(worst)), np.diff(found.start)), of_component[found.component])
+    return worst

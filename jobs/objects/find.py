@@ -7,17 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.objects.components import components, grouped, outward_closed
+from jobs.objects.flat_faces import with_area
 from jobs.objects.options import Limits
 from jobs.objects.partition import boxes, partition
-from jobs.objects.weld import degenerate_triangles, twins, weld
+from jobs.objects.weld import twins, weld
 
 
 @dataclass(frozen=True)
 class Pieces:
     """The pieces of a batch of meshes. Triangles lie piece by piece, mesh after mesh.
 
-    Triangles without area on the grid are kept apart: they are part of the surface that the levels must stay near, but
-    are not drawn. Components all of whose triangles are such have no piece: they are thinner than a grid step.
+    Triangles that are not drawn for want of area (see `flat_faces`) are kept apart: they are part of the surface that
+    the levels must stay near.
     """
 
     points: np.ndarray  # (w, 3) int32: grid coordinates of the welded vertices
@@ -32,7 +33,7 @@ class Pieces:
     shared: np.ndarray  # (s,) int32, increasing: welded vertices that lie in more than one piece
     sharing_start: np.ndarray  # (s + 1,) int64 into sharing
     sharing: np.ndarray  # (n,) int32: the pieces that each shared vertex lies in, increasing
-    flat_source: np.ndarray  # (f,) int64: the batch's triangles without area, of components that have pieces
+    flat_source: np.ndarray  # (f,) int64: the batch's triangles that are not drawn
     flat_component: np.ndarray  # (f,) int32: and their components
     component: np.ndarray  # (m,) int32: component of each triangle
 
@@ -45,11 +46,8 @@ def find_pieces(
     size (meshes,): see `partition`. Vertices of different meshes are never welded.
     """
     welded, first = weld(grid_points, mesh)
-    points = grid_points[first]
-    corners = welded[triangles]
-    label, count = components(corners, len(points))
-    flat = degenerate_triangles(points, corners)
-    kept = np.flatnonzero(~flat)
+    label, count = components(welded[triangles], len(first))
+    points, corners, kept, _ = with_area(grid_points[first], welded[triangles])
 
     by_component, component_start = grouped(label[kept], count)
     of_components = np.ascontiguousarray(corners[kept[by_component]])
@@ -66,8 +64,7 @@ def find_pieces(
     lo, hi = boxes(points, own, start)
     shared, sharing_start, sharing = _shared_vertices(own, piece)
 
-    flat_source = np.flatnonzero(flat)
-    flat_source = flat_source[np.diff(component_start)[label[flat_source]] > 0]
+    flat_source = np.delete(np.arange(len(triangles)), kept)
     return Pieces(
         points=points,
         triangles=own,

@@ -46,8 +46,6 @@ def make_shared(work: Assignment) -> dict[str, Any]:
         for piece, nodes in users.items():
             scale = float(pieces.pieces["scale"][piece])
             patch = gather(model, [Member(pieces, piece, 0, None, 1.0, None)], scale, -1)
-            if patch is None:
-                continue
             leaf = make_leaf(patch, scale, crease, SHARED_LEVELS)
             offers[piece] = affordable(leaf.offers, len(patch.mesh.triangles), len(nodes))
             parts = shapes.placed["part"][shapes.members[shapes.start[shapes.leaf[nodes]]]].tolist()
@@ -103,8 +101,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
         own = member(at)
         chunk = int(np.searchsorted(shapes.chunk_start, shapes.placed["piece"][at], side="right")) - 1
         offers = _shared_offers(work.place, shared_of[chunk])[own.piece]
-        placed = (place_offer(offer, float(own.set.pieces["scale"][own.piece]), own, step) for offer in offers)
-        return [offer for offer in placed if len(offer.triangles)]
+        return [place_offer(offer, float(own.set.pieces["scale"][own.piece]), own, step) for offer in offers]
 
     def add(node: int, made: Node) -> None:
         whole = Placement(_part_of(shapes, node), -1, IDENTITY, 1.0)
@@ -128,9 +125,6 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
                     kept.append(shared_offers(own[0]))
                     continue
                 patch = gather(model, [member(at) for at in own], step, number)
-                if patch is None:
-                    kept.append([])
-                    continue
                 leaf = make_leaf(patch, step, crease, MOST_LEVELS)
                 kept.append(leaf.offers)
                 add(node, leaf.node)
@@ -138,15 +132,12 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
             elif not ready:
                 todo += [(node, True), (int(shapes.end[node + 1]), False), (node + 1, False)]
             else:
-                parts = [offers for offers in (kept.pop(), kept.pop()) if offers][::-1]
+                children = [kept.pop(), kept.pop()][::-1]
                 height = 1 + max(heights.pop(), heights.pop())
                 heights.append(height)
-                if not parts:
-                    kept.append([])
-                    continue
                 first = int(leaves_before[node])
                 last = first + (int(shapes.end[node]) - node) // 2
-                inner = make_inner(parts, first, last, step, crease, node == 0)
+                inner = make_inner(children, first, last, step, crease, node == 0)
                 kept.append(inner.offers)
                 add(node, inner.node)
                 yield height, inner.node

@@ -65,13 +65,10 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
     """All placed pieces to objects, and the tree above them."""
     from jobs.assemble import largest_stretch
     from jobs.objects.hierarchy import PLACED, build_hierarchy
-    from storage.errors import ModelError
 
     model = imported_model(work.place, work.places["import"])
     tables = [np.load(work.place.result(PIECES.name, key) / "pieces.npy") for key in work.places["pieces"]]
     pieces = np.concatenate(tables)
-    if not len(pieces):
-        raise ModelError("the model has no triangle that is larger than a step of its grid: nothing can be drawn")
     mesh_start = np.searchsorted(pieces["mesh"], np.arange(len(model.meshes) + 1))
     counts = np.diff(mesh_start)[model.parts["mesh"]]
     part_start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.executors import SerialExecutor
-from jobs.importing.model import Model
+from jobs.importing.model import Model, open_model
 from jobs.memory import MemoryWatch
 from jobs.parameters import BuildParameters
-from jobs.pipeline import Run, make_geometry
+from jobs.pipeline import Run, make_geometry, make_levels
 from jobs.progress import Silent
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
+from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
 from storage.placement import transform_points
 from storage.store import Geometry, open_geometry
@@ -41,6 +42,19 @@ def build_geometry(inputs: list[Path], folder: Path, parameters: BuildParameters
     geometry = open_geometry(place.store, geometry_section_of(place, tables.key))
     assert (place.work / IMPORT.name).is_dir()
     return Built(imported_model(place, imported.key), geometry, run)
+
+
+def build_levels(model: Path, folder: Path, parameters: BuildParameters | None = None) -> Built:
+    """The same of a model that was written by `write_model`, which is moved into the work directory of `folder`."""
+    place = Workplace(folder / "work", folder)
+    imported = TaskResult(Task(IMPORT, {}), {"model": {"digest": open_model(model).digest}}, 0.0, 0.0, 0, reused=True)
+    imported.task.__dict__["key"] = "m"
+    place.result(IMPORT.name, "m").mkdir(parents=True)
+    model.rename(place.result(IMPORT.name, "m") / "model")
+    with MemoryWatch() as watch:
+        run = Run(place, SerialExecutor(), Silent(), watch)
+        tables = make_levels(run, imported, parameters or BuildParameters())
+    return Built(imported_model(place, "m"), open_geometry(place.store, geometry_section_of(place, tables.key)), run)
 
 
 class Originals:

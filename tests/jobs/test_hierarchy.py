@@ -9,7 +9,7 @@ from jobs.importing.model import MeshView, Placement, write_model
 from jobs.scenes import write_scene
 from storage.detail import cut_within
 from storage.tree import leaves, parents
-from tests.jobs.built_geometry import Built, Originals, build_geometry, mesh_of
+from tests.jobs.built_geometry import Built, Originals, build_geometry, build_levels, mesh_of
 from tests.jobs.detail.sampling import distances, sample
 
 
@@ -143,35 +143,10 @@ def test_instances_stay_shared_and_melt_above(tmp_path) -> None:
     file.write_text("\n".join(text) + "\n")
     alone = build_geometry([file], tmp_path / "alone").geometry
     assert alone.drawables["instance"].max() == -1
-    shared = _built_from(tmp_path / "model", tmp_path / "shared")
+    shared = build_levels(tmp_path / "model", tmp_path / "shared").geometry
     own = leaves(shared.nodes)
     assert own.sum() == 60
     assert (shared.drawables["instance"][shared.nodes["first_drawable"][own]] >= 0).all()
     assert len(np.unique(shared.drawables["geometry"][shared.nodes["first_drawable"][own]])) == 1
     assert (shared.drawables["instance"][shared.nodes["first_drawable"][~own]] == -1).all()
     assert shared.geometry["triangles"].sum() < 0.6 * alone.geometry["triangles"].sum()
-
-
-def _built_from(model, folder):
-    """The geometry built from an imported model."""
-    from jobs.executors import SerialExecutor
-    from jobs.importing.model import open_model
-    from jobs.memory import MemoryWatch
-    from jobs.parameters import BuildParameters
-    from jobs.pipeline import Run, make_levels
-    from jobs.progress import Silent
-    from jobs.stages import IMPORT
-    from jobs.stages.detail import geometry_section_of
-    from jobs.tasks import Task, TaskResult
-    from jobs.workplace import Workplace
-    from storage.store import open_geometry
-
-    place = Workplace(folder / "work", folder)
-    place.result(IMPORT.name, "m").mkdir(parents=True)
-    model.rename(place.result(IMPORT.name, "m") / "model")
-    digest = open_model(place.result(IMPORT.name, "m") / "model").digest
-    imported = TaskResult(Task(IMPORT, {}), {"model": {"digest": digest}}, 0.0, 0.0, 0, reused=True)
-    imported.task.__dict__["key"] = "m"
-    with MemoryWatch() as watch:
-        tables = make_levels(Run(place, SerialExecutor(), Silent(), watch), imported, BuildParameters())
-    return open_geometry(place.store, geometry_section_of(place, tables.key))

@@ -147,15 +147,17 @@ def test_large_surfaces_are_split_along_edges() -> None:
     assert (piece[paired // 3] != piece[found.twin[paired] // 3]).any()
 
 
-def test_what_has_no_area_is_dropped() -> None:
+def test_what_has_no_area_is_left_out_where_something_else_is_drawn() -> None:
     line = np.array([[0, 0, 0], [5, 5, 5], [9, 9, 9]], np.int32)
-    points = np.concatenate([BOX, line + 50, [[4, 4, 8]]]).astype(np.int32)
-    spike = [[1, 7, 11]]  # a diagonal of the top face and the middle of it
-    triangles = np.concatenate([BOX_TRIANGLES, [[8, 9, 10]], spike]).astype(np.int64)
+    a, b = BOX_TRIANGLES[3, :2]
+    points = np.concatenate([BOX, line + 50, [(BOX[a] + BOX[b]) // 2]]).astype(np.int32)
+    sliver = [[a, 11, b]]  # along a side of the box
+    triangles = np.concatenate([BOX_TRIANGLES, [[8, 9, 10]], sliver]).astype(np.int64)
     found = pieces(points, np.zeros(len(points), np.int32), triangles, 100)
-    assert np.diff(found.start).tolist() == [12]
+    assert sorted(found.source.tolist()) == list(range(13)), "the line is one step wide"
+    assert not found.outward.any()
     assert found.flat_source.tolist() == [13]
-    assert found.flat_component.tolist() == [found.component[0]]
+    assert found.flat_component.tolist() == [found.component[found.source.tolist().index(0)]]
 
 
 @settings(max_examples=30, deadline=None)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 from storage.tables import DRAWABLE, NODE, Grid
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.visibility.engine import CellVisibility
+from storage.base.errors import ParameterError
 from storage.detail import coarsest_triangles
-from storage.errors import ParameterError
 from storage.store import Geometry
 
 

@@ -6,7 +6,7 @@ import importlib.util
 import os
 
 from jobs.executors import Executor, GrowingExecutor, SerialExecutor
-from storage.errors import MissingDependencyError, ParameterError
+from storage.base.errors import MissingDependencyError, ParameterError
 
 #: Input size, in bytes, above which "auto" means Ray: about 10 to 20 seconds of work for one core.
 AUTO_RAY_BYTES = 4_000_000

@@ -229,7 +229,7 @@ def verify(
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.progress import progress_for
     from jobs.verify import verify as verify_store
-    from storage.errors import CorruptStoreError
+    from storage.base.errors import CorruptStoreError
 
     try:
         with progress_for() as progress:

@@ -1,6 +1,6 @@
 """How a build hears that workers on other machines compile: by files in the work directory, which all of them see.
 
-A sign is WORK/compiling/.tmp-..., named as in storage.temporary. It is there while its writer compiles.
+A sign is WORK/compiling/.tmp-..., named as in storage.base.temporary. It is there while its writer compiles.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from jobs.workplace import Workplace
-from storage import compiling
-from storage.compiling import Stopwatch, heard_by
-from storage.temporary import PREFIX, temporary_path
+from storage.base import compiling
+from storage.base.compiling import Stopwatch, heard_by
+from storage.base.temporary import PREFIX, temporary_path
 
 #: No kernel takes so long, in seconds: older signs are of writers that were killed.
 STALE = 300.0
@@ -27,7 +27,7 @@ class _Sign(Stopwatch):
         self._path = path
 
     def __call__(self, active: bool) -> None:
-        """See `storage.compiling.Hearer`."""
+        """See `storage.base.compiling.Hearer`."""
         super().__call__(active)
         if not active:
             self._path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What can go wrong in a job beside bad input: a branch of the tree in `storage.errors`.
+"""What can go wrong in a job beside bad input: a branch of the tree in `storage.base.errors`.
 
     VlodError
     └── JobError                a build could not go on
@@ -13,7 +13,7 @@ Each says in one line what to do; the command line prints it and exits with 2.
 
 from __future__ import annotations
 
-from storage.errors import VlodError
+from storage.base.errors import VlodError
 
 
 class JobError(VlodError):

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from jobs.tasks import Task, TaskResult, find_finished, run_task
 from jobs.workplace import Workplace
-from storage.compiling import Stopwatch, heard_by
+from storage.base.compiling import Stopwatch, heard_by
 
 #: Seconds of work in this process before a `GrowingExecutor` grows.
 PATIENCE = 10.0

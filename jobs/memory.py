@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 #: What a task of a build may need unless the user says otherwise, in bytes.
 TASK_MEMORY = 2 << 30

@@ -12,7 +12,7 @@ import numpy as np
 from jobs.detail.options import DetailOptions
 from jobs.objects.options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 from storage.octree import MAX_DEPTH, Octree
 
 #: How much the view space exceeds the model's box on every side by default, as a fraction of the box.

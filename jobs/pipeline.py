@@ -32,8 +32,8 @@ from jobs.progress import Progress, Silent
 from jobs.stages.detail import geometry_section_of
 from jobs.tasks import Stage, Task, TaskResult, find_finished
 from jobs.workplace import Workplace
+from storage.base.errors import ParameterError
 from storage.detail import pixel_angle
-from storage.errors import ParameterError
 from storage.manifest import Manifest, commit, current
 from storage.writer import cells_section
 

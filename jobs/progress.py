@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
-from storage.compiling import OnceLong, heard_by, notice
+from storage.base.compiling import OnceLong, heard_by, notice
 
 
 class Progress(Protocol):

@@ -21,7 +21,7 @@ from jobs.errors import ClusterError, MemoryLimitError, WorkerLostError
 from jobs.executors import Backlog, Then, no_more
 from jobs.tasks import Task, TaskResult, find_finished, run_task
 from jobs.workplace import Workplace
-from storage.compiling import tell
+from storage.base.compiling import tell
 
 #: Attempts at a task whose worker or node died; spot nodes vanish, but a task that kills workers must end.
 ATTEMPTS = 4

@@ -27,8 +27,8 @@ import numpy as np
 from jobs.errors import WorkerLostError
 from jobs.oracle import Oracle, Sight, examine
 from storage import open_store
+from storage.base.errors import ParameterError
 from storage.detail import UNBOUNDED
-from storage.errors import ParameterError
 from storage.store import Store
 
 #: Problems of one kind that are spelled out; the rest is counted.

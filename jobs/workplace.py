@@ -2,7 +2,7 @@
 
     WORK/lock                     there and held while a build runs; names its process
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
-    WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.temporary
+    WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.base.temporary
 
 A result appears under its key in one atomic rename, whole. It is safe to delete the directory when no build runs.
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TextIO
 
 from jobs.errors import WorkInUseError
-from storage.temporary import abandoned, host, temporary_path
+from storage.base.temporary import abandoned, host, temporary_path
 
 #: The file in the work directory that says that a build runs.
 LOCK = "lock"

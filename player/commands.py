@@ -210,7 +210,7 @@ def path(context: click.Context, /, store: str, output: Path | None, frames: int
 
 def _tell_of_compiling(context: click.Context) -> None:
     """Says on standard error why a machine's first run takes so long, should it."""
-    from storage.compiling import OnceLong, heard_by, notice
+    from storage.base.compiling import OnceLong, heard_by, notice
 
     context.with_resource(heard_by(OnceLong(partial(click.echo, notice("a minute"), err=True))))
 

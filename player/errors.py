@@ -1,4 +1,4 @@
-"""What can go wrong for a user of the player, beside what storage.errors names.
+"""What can go wrong for a user of the player, beside what storage.base.errors names.
 
 VlodError
 ├── GraphicsError   OpenGL is missing or too old, or there is no display (also a RuntimeError)
@@ -7,7 +7,7 @@ VlodError
 
 from __future__ import annotations
 
-from storage.errors import VlodError
+from storage.base.errors import VlodError
 
 
 class GraphicsError(VlodError, RuntimeError):

@@ -13,7 +13,7 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 
 @allocating_kernel()

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 Vector = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from storage.base.kernels import allocating_kernel
 from storage.connectivity import encode_triangles
-from storage.kernels import allocating_kernel
 from storage.mesh_order import CACHE, first_use, same_rows, triangle_order
 from storage.normals import from_octahedral, to_octahedral
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import zstandard
 
-from storage.errors import CorruptStoreError, StoreFormatError
+from storage.base.errors import CorruptStoreError, StoreFormatError
 
 #: zstd level of tables: they are written once and read at every start.
 LEVEL = 9

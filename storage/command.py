@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import click
 
-from storage.errors import MissingDependencyError, VlodError
+from storage.base.errors import MissingDependencyError, VlodError
 
 
 class _Lazy(NamedTuple):

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: How many edges and vertices are remembered (a power of two).
 MEMORY = 16

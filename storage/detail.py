@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 from storage.tree import children, roots
 
 

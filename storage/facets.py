@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 from storage.normals import area_normal
 
 #: What one more facet must save on average, in triangles: it often costs a draw command. Cells count triangles by it,

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 from urllib.parse import unquote
 
-from storage.errors import MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.base.errors import MissingDependencyError, StoreNotFoundError, StoreUnreachableError
 
 #: Packages whose errors mean that the place cannot be reached: fsspec's file systems pass them on.
 _NETWORK_PACKAGES = ("aiohttp", "asyncio", "botocore", "gcsfs", "adlfs", "yarl")

@@ -29,8 +29,8 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from storage.errors import CURE, CorruptStoreError
-from storage.temporary import temporary_path
+from storage.base.errors import CURE, CorruptStoreError
+from storage.base.temporary import temporary_path
 
 MAGIC = b"vLODshd\x01"
 TAIL_MAGIC = b"\x01dhsDOLv"

@@ -18,8 +18,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from storage.arrangement import arranged
+from storage.base.errors import CorruptStoreError
 from storage.connectivity import decode_triangles, encode_triangles, foretell, fulfil, make_local
-from storage.errors import CorruptStoreError
 from storage.mesh_order import same_rows
 from storage.normals import foretell_normals, from_octahedral, to_octahedral
 from storage.planes import step_planes, unstep_planes, unzigzag_planes, zigzag_planes

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from storage.errors import CURE, CorruptStoreError, StoreFormatError
+from storage.base.errors import CURE, CorruptStoreError, StoreFormatError
 from storage.frames import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Size of the vertex cache, in vertices, that the order is made for.
 CACHE = 16

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: The matrix of what lies in model space already. Read-only.
 IDENTITY = np.eye(3, 4)

@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from storage.base.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
 from storage.cache import ByteCache
 from storage.codecs import codec_named
 from storage.columns import unpack_names, unpack_table
 from storage.deltas import Delta, Ids, odd_ones
 from storage.detail import choose_cut
-from storage.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
 from storage.facets import CONE, find_turned_away, part_meshes
 from storage.files import Files
 from storage.frames import Kind, ShardReader, ShardRecord, shard_path

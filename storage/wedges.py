@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Codes above this do not exist; a wedge that was last used longer ago is stored again.
 LARGEST = 255

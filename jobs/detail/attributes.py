@@ -15,7 +15,7 @@ from jobs.detail.closest import Surface, closest, closest_weights
 from jobs.detail.face_normals import arc_cosine
 from jobs.objects.components import find, unite
 from jobs.objects.weld import mix, table_size
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: How far corners' colours may differ, per channel, and still be one vertex in coarser levels.
 SAME_COLOUR = 20

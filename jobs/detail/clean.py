@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.objects.weld import is_degenerate, mix, table_size, weld
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 
 @allocating_kernel()

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: A triangle whose squared sine between two edges is below this is a needle: rounding spoils its inside.
 NEEDLE = 1e-10

@@ -21,7 +21,7 @@ import numpy as np
 
 from jobs.detail.closest import closest_weights
 from jobs.objects.weld import OPEN
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Planes along open edges and along edges where colours change weigh this much of a triangle's.
 RIM_WEIGHT = 2.0

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: T shrinks by at most this part of the error that is allowed ...
 MARGIN = 0.02

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 
 @allocating_kernel()

@@ -22,7 +22,7 @@ import numpy as np
 from jobs.detail.closest import Surface, closest, distance2
 from jobs.detail.cover import covered
 from jobs.detail.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Of the finer surface's points, one in so many is looked up to begin with.
 SAMPLED = 8

@@ -27,7 +27,7 @@ from jobs.detail.near_pairs import near_pairs
 from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed, has_gradients
 from jobs.objects.components import components, outward_closed
 from jobs.objects.weld import OPEN, twins, weld
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Triangles asked for, as a part of what the children offer.
 SHARE = 0.5

@@ -13,7 +13,7 @@ from jobs.detail.collapse import NO_PAIRS, State, begin, collapse, snapshot
 from jobs.detail.hausdorff import hausdorff_bound
 from jobs.objects.components import outward_closed
 from jobs.objects.weld import NON_MANIFOLD, twins
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Triangles of each level, as a part of those of the one before.
 SHARE = 0.5

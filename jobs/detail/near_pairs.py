@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Bits of a coordinate along the curve.
 BITS = 20

@@ -21,7 +21,7 @@ from jobs.detail.borders import indices_of
 from jobs.detail.closest import Surface
 from jobs.detail.face_normals import face_normals
 from jobs.detail.levels import CoarseLevel
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 
 @dataclass(frozen=True, eq=False)

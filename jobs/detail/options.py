@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from jobs.objects.options import Limits
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from jobs.importing.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to
 from jobs.importing.content import Content, ContentPart
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from storage.placement import IDENTITY
 
 Json = dict[str, Any]

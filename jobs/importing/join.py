@@ -16,7 +16,7 @@ import numpy as np
 from jobs.importing.repair import FARTHEST, repair
 from jobs.importing.saved import MeshView, Placement
 from jobs.importing.scene import Defect, SourceScene, Tally, compose
-from storage.errors import ModelError, ParameterError
+from storage.base.errors import ModelError, ParameterError
 from storage.placement import IDENTITY
 
 #: Metres per unit, by the names that people write.

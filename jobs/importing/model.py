@@ -18,9 +18,9 @@ import numpy as np
 
 from jobs.arrays import mapped_array
 from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
-from storage.errors import ModelError
+from storage.base.errors import ModelError
+from storage.base.temporary import temporary_path
 from storage.tables import Grid
-from storage.temporary import temporary_path
 
 if TYPE_CHECKING:
     from jobs.importing.scene import SourceScene

@@ -17,7 +17,7 @@ from jobs.importing.corners import split_by_face
 from jobs.importing.numbers import floats_of, rows_of, table_of
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from storage.placement import IDENTITY
 
 _HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b")

@@ -18,7 +18,7 @@ from jobs.importing.corners import split_by_face, unify
 from jobs.importing.numbers import floats_of
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from storage.placement import IDENTITY
 
 _TYPES = {

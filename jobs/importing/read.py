@@ -15,7 +15,7 @@ from pathlib import Path
 from jobs.importing.content import Content, FileContent
 from jobs.importing.resources import Resources
 from jobs.importing.scene import SourceMesh, SourceScene, UnreadMeshes
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 
 Reader = Callable[[Path, Content, Resources], SourceScene]
 

@@ -27,9 +27,9 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from storage.errors import ModelError
+from storage.base.errors import ModelError
+from storage.base.temporary import temporary_path
 from storage.placement import IDENTITY, normal_matrix, transform_points
-from storage.temporary import temporary_path
 
 MESH = np.dtype(
     [

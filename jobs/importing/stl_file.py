@@ -13,7 +13,7 @@ import numpy as np
 from jobs.importing.content import Content, whole
 from jobs.importing.resources import Resources
 from jobs.importing.scene import SourceMesh, SourceNode, SourceScene
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from storage.placement import IDENTITY
 
 _HEADER, _FACET = 84, 50

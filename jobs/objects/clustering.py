@@ -17,7 +17,7 @@ import numpy as np
 from jobs.objects.components import find
 from jobs.objects.options import Clustering
 from jobs.objects.tree import Tree, build_tree
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Boxes count as at least this thick, as a part of the model's largest extent, when their volume is compared.
 THINNEST = 1e-3

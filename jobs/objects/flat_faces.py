@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.objects.weld import degenerate_triangles
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 
 class Drawn(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 
 @dataclass(frozen=True)

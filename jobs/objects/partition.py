@@ -14,7 +14,7 @@ import numpy as np
 
 from jobs.objects.components import grouped
 from jobs.objects.options import Limits
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: A split is unbalanced if a side has less than this part of the triangles.
 BALANCE = 0.125

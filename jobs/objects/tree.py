@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: Every object weighs this many triangles more than it has: many small ones do not all end on one side.
 OBJECT_WEIGHT = 64

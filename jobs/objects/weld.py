@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel
+from storage.base.kernels import allocating_kernel
 
 #: `twins` of a half-edge that no other triangle uses, and of one whose edge is not shared by exactly two in turn.
 OPEN = -1

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jobs.scenes.solids import Mesh
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 POSITION_STEPS = 2.0**14  # positions are rounded to 1/2^14 m: the same bytes whatever the machine's sine and cosine
 NORMAL_STEPS = 2.0**20

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jobs.scenes import city, offices, plant
 from jobs.scenes.glb import GlbWriter, y_up
 from jobs.scenes.stage import Progress, Recipe, Stage, Walk
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 MINIMUM_TRIANGLES = 20_000
 MAXIMUM_TRIANGLES = 200_000_000

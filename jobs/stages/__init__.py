@@ -1,8 +1,8 @@
 """The kinds of tasks. Their work lies in `model` (import, pieces, hierarchy), `detail` (levels of nodes, tables) and
 `cells` (view cells, their order, their shards): functions that run in worker processes and import heavy modules inside.
 
-Each is a `jobs.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's shards, and
-returns a small record.
+Each is a `jobs.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's
+shards, and returns a small record.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ import numpy as np
 
 from jobs.visibility.planes import plane_of
 from jobs.visibility.ray_tree import MARGIN, SAME, STACK, Scene, edge_volumes, find_blocker, find_first, may_block
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Rays start this part of the cell's half extents inside its faces: what lies in the plane of a face stands before
 #: those who look through it.

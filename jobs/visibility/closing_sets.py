@@ -33,7 +33,7 @@ from jobs.visibility.mesh import Mesh, look
 from jobs.visibility.planes import side_of
 from jobs.visibility.ray_tree import STACK, SURELY, Scene, inverse, meets, next_bundle, passes_beside
 from jobs.visibility.shafts import Shaft, apart, edge_meets, part_within, span
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Most triangles in a set that closes a shaft.
 LARGEST_SET = 256

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.ray_tree import build_tree
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 
 class Clusters(NamedTuple):

@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.ranges import below
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Edges nearer than this depth (cell coordinates) are inflated by the whole cell, as one box.
 NEAR = 1.25

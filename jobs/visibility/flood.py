@@ -11,7 +11,7 @@ import numpy as np
 
 from jobs.visibility.cube_faces import NEAR, box_image, clip_triangle, hull_touches, inflate_edge, to_face
 from jobs.visibility.mesh import Mesh, look
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 
 @kernel()

@@ -18,7 +18,7 @@ from jobs.visibility.clusters import Clusters, place_cluster, place_node
 from jobs.visibility.cube_faces import box_on_face
 from jobs.visibility.mesh import Mesh
 from jobs.visibility.occludees import box_hidden_on
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Clusters whose sheet is so narrow that its silhouettes would spoil all of it at this many times its depth are not
 #: worth drawing.

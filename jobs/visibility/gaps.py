@@ -15,7 +15,7 @@ import numpy as np
 
 from jobs.visibility.ranges import not_below
 from jobs.visibility.ray_tree import STACK, build_tree
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Most triangles that are kept of an edge: those that are near to the longest parts of it.
 MOST = 8

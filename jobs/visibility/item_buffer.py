@@ -14,7 +14,7 @@ from jobs.visibility.clusters import Clusters, place_node
 from jobs.visibility.cube_faces import box_on_face, clip_triangle, inverse_depth_plane, strip_extent
 from jobs.visibility.mesh import TURNED, Mesh, look
 from jobs.visibility.ray_tree import STACK
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Seen from the eye, cell coordinates are made this many times as large: what is nearer than a whole cell counts, too.
 SCALE = 1e6

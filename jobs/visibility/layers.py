@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Depths are rounded up and limits down by this factor when they are stored: more than float32's rounding.
 DEPTH_UP = 1.0 + 5e-7

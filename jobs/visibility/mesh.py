@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.visibility.planes import side_of
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: What a triangle's side is besides +1 (the whole cell lies before its plane, so it sees the front only), -1 (behind
 #: it) and 0 (the plane meets the cell, or passes too near to tell; triangles that are not in the cut). TURNED: behind

@@ -21,7 +21,7 @@ from jobs.visibility.cube_faces import (
 from jobs.visibility.layers import pixel_hides
 from jobs.visibility.mesh import TURNED, Mesh, look
 from jobs.visibility.ray_tree import STACK
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: An occludee's nearest depth is rounded down by this factor before it is compared.
 DEPTH_DOWN = 1.0 - 5e-7

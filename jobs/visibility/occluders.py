@@ -46,7 +46,7 @@ from jobs.visibility.mesh import Mesh, may_occlude
 from jobs.visibility.raster import LANES, draw_triangles
 from jobs.visibility.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
 from jobs.visibility.silhouettes import lower_limits
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Marks are cleared once so many floods have been counted: they fit int32, whatever a cell adds.
 MOST_EPOCHS = 1 << 30

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Polygons have at most this many corners.
 MOST_CORNERS = 8

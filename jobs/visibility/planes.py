@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 
 @kernel(inline="always")

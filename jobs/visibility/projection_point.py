@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Cells are grown by a part of 10^-9 before they come here; half of it is left for rounding.
 _GROWN = 1.0 - 5e-10

@@ -6,7 +6,7 @@ range may be narrowed further, and stays empty.
 
 from __future__ import annotations
 
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Places from 0 to 1, such as those along an edge or a sweep, are rounded outward by this much.
 ALONG = 1e-12

@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.visibility.cube_faces import CLIP, SLACK, clip_triangle, inverse_depth_plane, to_face
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Pixels that are worked out at once.
 LANES = 16

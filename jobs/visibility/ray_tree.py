@@ -23,7 +23,7 @@ import numpy as np
 
 from jobs.visibility.planes import plane_of
 from jobs.visibility.topology import boxes
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units, far more than slabs are rounded by.
 GROWN = 0.5

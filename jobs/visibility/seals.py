@@ -41,7 +41,7 @@ import numpy as np
 
 from jobs.visibility.flood import Images, edge_touches, find_partner, spoils_all, spread
 from jobs.visibility.mesh import Mesh, look, may_occlude
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: Rows that a mesh's q has beyond its vertices: ends of parts of edges and of strips.
 ROWS = 8192

@@ -19,7 +19,7 @@ import numpy as np
 
 from jobs.visibility.planes import plane_of
 from jobs.visibility.ranges import not_above
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units: a million times what rounding moves a point by.
 GROWN = 2.0**-10

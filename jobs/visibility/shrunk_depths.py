@@ -16,7 +16,7 @@ from jobs.visibility.cube_faces import SLACK, to_face
 from jobs.visibility.layers import add_layer, pixel_hides
 from jobs.visibility.occludees import DEPTH_DOWN, box_hidden, triangle_hidden
 from jobs.visibility.projection_point import greatest_height, supporting_plane
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: Cell coordinates are multiplied by this much.
 SCALE = 1e6

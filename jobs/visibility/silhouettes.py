@@ -22,7 +22,7 @@ import numpy as np
 
 from jobs.visibility.cube_faces import SLACK, at_depth, far_part, inflate_edge, sweep_extent
 from jobs.visibility.ranges import below
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 #: What a pixel hides is of no use where its limit is not at least this many times its depth.
 USEFUL = 1.02

@@ -31,7 +31,7 @@ from jobs.visibility.occludees import box_hidden, may_touch, triangle_hidden
 from jobs.visibility.planes import side_of
 from jobs.visibility.ray_tree import APART, SAME, SURELY, Scene, inverse, meets, next_bundle, passes_beside
 from jobs.visibility.shafts import Shaft, make_shaft, span
-from storage.kernels import allocating_kernel, kernel
+from storage.base.kernels import allocating_kernel, kernel
 
 #: So many triangles that a segment crosses are tried as the first of a set that closes its shaft.
 MOST_SEEDS = 3

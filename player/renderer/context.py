@@ -15,7 +15,7 @@ from typing import Any
 import moderngl
 
 from player.errors import GraphicsError
-from storage.errors import MissingDependencyError
+from storage.base.errors import MissingDependencyError
 
 _LOWER_LEFT = 0x8CA1
 _ZERO_TO_ONE = 0x935F

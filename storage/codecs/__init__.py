@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from storage.base.errors import StoreFormatError
 from storage.codecs.gap_varint import GapVarint
-from storage.errors import StoreFormatError
 
 Ids = NDArray[np.uint32]
 

@@ -13,8 +13,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from storage.base.errors import CorruptStoreError
 from storage.codecs.varint_kernels import decode_varints, encode_varints
-from storage.errors import CorruptStoreError
 
 #: zstd level: blocks are written once and are a few kilobytes long.
 LEVEL = 19

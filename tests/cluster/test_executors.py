@@ -13,8 +13,8 @@ from jobs.errors import MemoryLimitError, WorkerLostError
 from jobs.executors import GrowingExecutor, SerialExecutor
 from jobs.ray_executor import ATTEMPTS, RayExecutor
 from jobs.tasks import Task
-from storage import compiling
-from storage.errors import ModelError, ParameterError
+from storage.base import compiling
+from storage.base.errors import ModelError, ParameterError
 from tests.cluster.toy_stages import COMPILING, LETHAL, SQUARE, WRONG, square_task
 
 

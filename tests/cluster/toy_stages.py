@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from jobs.tasks import Assignment, Stage, Task
-from storage.compiling import tell
-from storage.errors import ModelError
+from storage.base.compiling import tell
+from storage.base.errors import ModelError
 
 _CODE = ("tests.cluster.toy_stages",)
 SQUARE = Stage("square", "tests.cluster.toy_stages:square", _CODE)

@@ -13,7 +13,7 @@ import time
 import pytest
 
 from storage import open_store
-from storage.errors import StoreNotFoundError
+from storage.base.errors import StoreNotFoundError
 from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow

@@ -16,8 +16,8 @@ from jobs.pipeline import build
 from jobs.verify import verify
 from jobs.visibility.engine import CellVisibility
 from storage import open_store
+from storage.base.errors import ParameterError, StoreNotFoundError
 from storage.detail import choose_cut, coarsest_triangles
-from storage.errors import ParameterError, StoreNotFoundError
 from storage.store import Store
 
 PARAMETERS = BuildParameters(triangles_per_cell=3000, max_depth=2, quality="draft")

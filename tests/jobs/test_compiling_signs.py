@@ -8,7 +8,7 @@ import pytest
 
 from jobs.compiling_signs import STALE, seen, shown
 from jobs.workplace import Workplace
-from storage import compiling
+from storage.base import compiling
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jobs.import_memory import import_memory
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from tests.jobs.importing.shapes import Glb, box, terrain
 
 #: What an import may take beyond its estimate: modules that it loads, a part of what plans allow for the process.

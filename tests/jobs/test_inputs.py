@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from jobs.inputs import content_of, model_files
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 
 
 def names(path: Path) -> set[str]:

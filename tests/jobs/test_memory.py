@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.memory import format_size, parse_size
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 
 @pytest.mark.parametrize(

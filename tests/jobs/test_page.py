@@ -17,7 +17,7 @@ from jobs.pipeline import build
 from jobs.plots import SHARE_COLOURS, SHARES, box_map, histogram, lines, share_legend, share_map
 from jobs.verify import verify
 from storage import open_store
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 from tests.jobs.tiny_model import write_rooms
 
 

@@ -16,7 +16,14 @@ from jobs.pipeline import build
 from jobs.verify import verify
 from jobs.workplace import Workplace
 from storage import open_store
-from storage.errors import CURE, CorruptStoreError, ModelError, ParameterError, StoreFormatError, StoreNotFoundError
+from storage.base.errors import (
+    CURE,
+    CorruptStoreError,
+    ModelError,
+    ParameterError,
+    StoreFormatError,
+    StoreNotFoundError,
+)
 from storage.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 

@@ -7,7 +7,7 @@ from io import StringIO
 import pytest
 
 from jobs.progress import Bars, Lines, progress_for
-from storage import compiling
+from storage.base import compiling
 
 
 def test_a_line_for_each_finished_step():

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from player import commands, tour
 from player.path import read_path
-from storage import compiling
+from storage.base import compiling
 from storage.store import Store
 from tests.player.conftest import store_path
 

@@ -18,7 +18,7 @@ from player.view import (
     rotation_matrix,
     yaw_pitch_direction,
 )
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 from tests.player.conftest import view_from
 
 quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: sum(x * x for x in q) > 1e-2)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from storage import open_store
-from storage.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.base.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
 from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from storage import command
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 from tests.storage.tiny_store import make_store, room_parts
 
 

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from storage import open_store
-from storage.errors import CorruptStoreError, StoreError
+from storage.base.errors import CorruptStoreError, StoreError
 from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from storage.base.errors import ParameterError
 from storage.detail import UNBOUNDED, choose_cut, coarsest_triangles, cut_within, pixel_angle, possible_drawables
-from storage.errors import ParameterError
 from storage.tables import DRAWABLE, NODE
 from storage.tree import parents, roots
 

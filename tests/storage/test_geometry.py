@@ -4,7 +4,7 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.errors import CorruptStoreError
+from storage.base.errors import CorruptStoreError
 from storage.geometry import MeshArrays, ordered, pack, pack_source_faces, unpack, unpack_source_faces
 from storage.normals import LIMIT, from_octahedral, to_octahedral
 from tests.storage.strategies import meshes

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.errors import CorruptStoreError, StoreFormatError
+from storage.base.errors import CorruptStoreError, StoreFormatError
 from storage.frames import Kind, write_shard
 from storage.manifest import FORMAT, Manifest, commit, from_bytes, to_bytes, version_path
 

@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from storage import open_store
+from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
 from storage.deltas import apply
-from storage.errors import NotComputedError, ParameterError, StoreNotFoundError
 from storage.octree import neighbours
 from storage.placement import transform_points
 from storage.store import Store, open_geometry

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from storage.base.errors import StoreNotFoundError
 from storage.codecs import DEFAULT, codec_named
-from storage.errors import StoreNotFoundError
 from storage.geometry import MeshArrays
 from storage.octree import Octree
 from storage.store import open_store

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 
 from .shapes import corners_of, imported, total
 

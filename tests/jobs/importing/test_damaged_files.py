@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from jobs.importing.join import metres_per_unit
 from jobs.importing.model import ImportOptions, import_model, open_model
 from jobs.importing.read import KINDS
-from storage.errors import ModelError, ParameterError
+from storage.base.errors import ModelError, ParameterError
 
 from .shapes import Glb, box, canonical, corners_of, imported, terrain, total
 

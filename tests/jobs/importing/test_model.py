@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jobs.importing.model import MeshView, Placement, open_model, write_model
-from storage.errors import ModelError
+from storage.base.errors import ModelError
 
 from .shapes import box, canonical, corners_of
 

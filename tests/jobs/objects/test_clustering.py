@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from jobs.objects.clustering import cluster, join_clusters, near_pairs
 from jobs.objects.options import Clustering
 from jobs.objects.tree import build_tree
-from storage.errors import ParameterError
+from storage.base.errors import ParameterError
 
 
 def boxes(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 from jobs.scenes import KINDS, viewpoints, write_scene
-from storage.errors import ParameterError, VlodError
+from storage.base.errors import ParameterError, VlodError
 from tests.jobs.scenes.glb_reader import Glb
 
 SIZES = (20_000, 100_000)

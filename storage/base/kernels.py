@@ -18,7 +18,7 @@ from numba.core import caching, event
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 from numba.core.dispatcher import Dispatcher
 
-from storage.compiling import tell
+from storage.base.compiling import tell
 
 #: Values that are compiled into the kernels that name them.
 CONSTANTS = (bool, int, float, complex, str, bytes, tuple)

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 BASE = """
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 STEP = {step}
 
@@ -17,7 +17,7 @@ def grown(x):
 """
 USER = """
 from base import STEP, grown
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 @kernel()
 def answer(x):
@@ -54,8 +54,8 @@ def test_compiled_code_follows_changes_of_what_it_imports(tmp_path: Path) -> Non
 
 
 HEARD = """
-from storage.compiling import heard_by
-from storage.kernels import kernel
+from storage.base.compiling import heard_by
+from storage.base.kernels import kernel
 
 @kernel()
 def grown(x):
@@ -88,7 +88,7 @@ class {name}(NamedTuple):
 """
 TAKES_CLASS = """
 import kinds
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 @kernel()
 def answer(thing):
@@ -108,7 +108,7 @@ def test_compiled_code_that_takes_a_class_that_is_gone_is_made_anew(tmp_path: Pa
 
 CALLED = """
 import numpy as np
-from storage.kernels import kernel
+from storage.base.kernels import kernel
 
 @kernel()
 def grown(x, by):

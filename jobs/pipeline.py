@@ -34,7 +34,7 @@ from jobs.tasks import Stage, Task, TaskResult, find_finished
 from jobs.workplace import Workplace
 from storage.base.errors import ParameterError
 from storage.detail import pixel_angle
-from storage.manifest import Manifest, commit, current
+from storage.shards.manifest import Manifest, commit, current
 from storage.writer import cells_section
 
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from storage.frames import Kind
-from storage.manifest import FILE
+from storage.shards.manifest import FILE
+from storage.shards.shards import Kind
 from storage.store import Store, open_store
 
 #: How many of the cells with the largest gaps are named.

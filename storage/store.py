@@ -24,18 +24,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from storage.base.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
-from storage.cache import ByteCache
 from storage.codecs import codec_named
-from storage.columns import unpack_names, unpack_table
 from storage.deltas import Delta, Ids, odd_ones
 from storage.detail import choose_cut
 from storage.facets import CONE, find_turned_away, part_meshes
-from storage.files import Files
-from storage.frames import Kind, ShardReader, ShardRecord, shard_path
 from storage.geometry import Pack, unpack, unpack_source_faces
-from storage.manifest import FILE, Manifest, from_bytes, version_path
 from storage.octree import LeafSet, Octree, neighbours
 from storage.placement import IDENTITY, normal_matrix, placed, transform_points
+from storage.shards.cache import ByteCache
+from storage.shards.columns import unpack_names, unpack_table
+from storage.shards.files import Files
+from storage.shards.manifest import FILE, Manifest, from_bytes, version_path
+from storage.shards.shards import Kind, ShardReader, ShardRecord, shard_path
 from storage.tables import (
     BOUNDARY,
     CELL,

@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from storage.codecs import DEFAULT, codec_named
-from storage.columns import pack_names, pack_table, unpack_table
 from storage.deltas import Ids, difference
-from storage.frames import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
 from storage.geometry import MeshArrays, ordered, pack, pack_source_faces
-from storage.manifest import Manifest, commit
 from storage.octree import LeafSet, Octree
+from storage.shards.columns import pack_names, pack_table, unpack_table
+from storage.shards.manifest import Manifest, commit
+from storage.shards.shards import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
 from storage.spanning_tree import spanning_forest
 from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
 

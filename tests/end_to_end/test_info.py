@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.manifest import commit
 from storage.octree import Octree, neighbours
+from storage.shards.manifest import commit
 from storage.store import Store
 from storage.writer import cells_section, write_cell_shard
 from tests.storage.tiny_store import make_store, room_parts

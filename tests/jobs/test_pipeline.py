@@ -24,7 +24,7 @@ from storage.base.errors import (
     StoreFormatError,
     StoreNotFoundError,
 )
-from storage.manifest import FORMAT, to_bytes
+from storage.shards.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 
 PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3)

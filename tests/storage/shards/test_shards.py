@@ -7,7 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
-from storage.frames import FRAME, TAIL_READ, Kind, ShardReader, ShardRecord, ShardWriter, atomic_file, write_shard
+from storage.shards.shards import (
+    FRAME,
+    TAIL_READ,
+    Kind,
+    ShardReader,
+    ShardRecord,
+    ShardWriter,
+    atomic_file,
+    write_shard,
+)
 
 FRAMES = [(Kind.GEOMETRY, b"hello"), (Kind.TABLE, b""), (Kind.DELTAS, bytes(range(256)) * 3)]
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from storage.base.errors import CURE, CorruptStoreError, StoreFormatError
-from storage.frames import ShardRecord, atomic_file, shard_path
+from storage.shards.shards import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
 FORMAT = 4

@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from storage.cache import ByteCache
+from storage.shards.cache import ByteCache
 
 
 def test_the_values_used_last_are_kept() -> None:

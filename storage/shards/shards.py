@@ -56,8 +56,8 @@ TAIL_READ = 1 << 15
 class Kind(IntEnum):
     """What a frame holds."""
 
-    TABLE = 1  # a structured array: storage.columns
-    NAMES = 2  # a list of strings: storage.columns
+    TABLE = 1  # a structured array: storage.shards.columns
+    NAMES = 2  # a list of strings: storage.shards.columns
     GEOMETRY = 3  # a pack of meshes: storage.geometry
     SOURCE_FACES = 4  # the faces that the meshes of a pack come from: storage.geometry
     KEY_SET = 5  # a cell's whole vLOD: storage.codecs

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError, StoreFormatError
-from storage.frames import Kind, write_shard
-from storage.manifest import FORMAT, Manifest, commit, from_bytes, to_bytes, version_path
+from storage.shards.manifest import FORMAT, Manifest, commit, from_bytes, to_bytes, version_path
+from storage.shards.shards import Kind, write_shard
 
 MODEL = {
     "digest": "d",

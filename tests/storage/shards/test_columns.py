@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from storage import tables
 from storage.base.errors import CorruptStoreError, StoreFormatError
-from storage.columns import pack_names, pack_table, unpack_names, unpack_table
+from storage.shards.columns import pack_names, pack_table, unpack_names, unpack_table
 
 DTYPES = [dtype for name, dtype in vars(tables).items() if name.isupper() and isinstance(dtype, np.dtype)]
 

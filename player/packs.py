@@ -11,8 +11,8 @@ from player.cache import PackCache
 from player.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
 from player.renderer.facets import FacetTable, PackFacets
-from storage.facets import part_meshes
-from storage.geometry import Pack
+from storage.meshes.facets import part_meshes
+from storage.meshes.pack import Pack
 from storage.store import Store
 
 

@@ -27,10 +27,10 @@ from storage.base.errors import CorruptStoreError, NotComputedError, ParameterEr
 from storage.codecs import codec_named
 from storage.deltas import Delta, Ids, odd_ones
 from storage.detail import choose_cut
-from storage.facets import CONE, find_turned_away, part_meshes
-from storage.geometry import Pack, unpack, unpack_source_faces
+from storage.meshes.facets import CONE, find_turned_away, part_meshes
+from storage.meshes.pack import Pack, unpack, unpack_source_faces
+from storage.meshes.placement import IDENTITY, normal_matrix, placed, transform_points
 from storage.octree import LeafSet, Octree, neighbours
-from storage.placement import IDENTITY, normal_matrix, placed, transform_points
 from storage.shards.cache import ByteCache
 from storage.shards.columns import unpack_names, unpack_table
 from storage.shards.files import Files
@@ -90,7 +90,7 @@ class Surfaces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Facets:
-    """The facets of some drawables: runs of their triangles, each with a cone behind all of it (storage.facets)."""
+    """The facets of some drawables: runs of their triangles, each with a cone behind all of it."""
 
     drawables: NDArray[np.int64]  # (d,) sorted ids
     first: NDArray[np.int64]  # (d,) row of each one's first facet; instances share rows
@@ -98,7 +98,7 @@ class Facets:
     instance: NDArray[np.int64]  # (d,) row of `matrices`, -1: in model space
     scale: NDArray[np.float64]  # (d,) local units per step of the positions
     triangles: NDArray[np.int64]  # (f,) triangles of each facet
-    cones: NDArray[np.float64]  # (f, CONE) storage.facets
+    cones: NDArray[np.float64]  # (f, CONE) storage.meshes.facets
     matrices: NDArray[np.float64]  # (n, 3, 4) placements of instances
     step: float  # model units per grid unit
 
@@ -299,7 +299,7 @@ class Geometry:
         return away
 
     def _parted(self, geometry: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """The order of a mesh's triangles by facets, the triangles of each facet, and the cones: storage.facets."""
+        """The order of a mesh's triangles by facets, the triangles of each facet, and the cones."""
         mesh = self.local_mesh(geometry)
         order, _, sizes, cones = part_meshes(
             mesh.positions, mesh.triangles, np.array([len(mesh.positions)]), np.array([len(mesh.triangles)]),

@@ -73,7 +73,7 @@ DRAWABLE = np.dtype(
         ("error", "<f4"),  # two-sided Hausdorff bound to the model's surface, rounded up, quantisation included
         ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
         ("hi", "<f4", (3,)),
-        ("one_sided", "?"),  # only fronts count: see storage.facets
+        ("one_sided", "?"),  # only fronts count: see storage.meshes.facets
     ]
 )
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from storage.codecs import DEFAULT, codec_named
 from storage.deltas import Ids, difference
-from storage.geometry import MeshArrays, ordered, pack, pack_source_faces
+from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
 from storage.octree import LeafSet, Octree
 from storage.shards.columns import pack_names, pack_table, unpack_table
 from storage.shards.manifest import Manifest, commit
@@ -68,8 +68,8 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
     pieces: for each node its height (0: a leaf) and its levels, finest first, as `MeshArrays` (or tuples of fields).
     Holds a few packs in memory, never the shard. Level i of a node shares packs with level i of the nodes of the same
     height before and after it, so that what is drawn together is fetched together: pass nodes in spatial order.
-    The order of a mesh's triangles and vertices is changed (see storage.mesh_order), its source faces move along, and
-    vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together.
+    The order of a mesh's triangles and vertices is changed (see storage.meshes.mesh_order), its source faces move
+    along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together.
     """
     rows: list[tuple[int, int, int, int, int, float]] = []
     packs: list[tuple[int, int, int, int, int]] = []

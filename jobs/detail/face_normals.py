@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from storage.base.kernels import allocating_kernel
-from storage.normals import area_normal
+from storage.meshes.normals import area_normal
 
 
 @allocating_kernel()

@@ -25,8 +25,8 @@ from jobs.importing.model import Model
 from jobs.importing.saved import turned
 from jobs.objects.flat_faces import with_area
 from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
-from storage.normals import from_octahedral
-from storage.placement import normal_matrix, placed, transform_points
+from storage.meshes.normals import from_octahedral
+from storage.meshes.placement import normal_matrix, placed, transform_points
 
 #: The finest level that a leaf offers its parent, if it has so many: its own finest are for those who are near.
 OFFERED = 3

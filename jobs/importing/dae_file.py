@@ -25,7 +25,7 @@ from jobs.importing.numbers import floats_of
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose, fan
 from storage.base.errors import ModelError
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 Element = ElementTree.Element
 

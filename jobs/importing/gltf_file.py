@@ -27,7 +27,7 @@ from jobs.importing.content import Content, ContentPart
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
 from storage.base.errors import ModelError
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 Json = dict[str, Any]
 

@@ -17,7 +17,7 @@ from jobs.importing.repair import FARTHEST, repair
 from jobs.importing.saved import MeshView, Placement
 from jobs.importing.scene import Defect, SourceScene, Tally, compose
 from storage.base.errors import ModelError, ParameterError
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 #: Metres per unit, by the names that people write.
 UNITS = {

@@ -25,7 +25,7 @@ from jobs.importing.numbers import integers_of, rows_of, table_of
 from jobs.importing.obj_materials import Material, read_materials
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, fan
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 _CHUNK = 1 << 23
 

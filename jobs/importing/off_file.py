@@ -18,7 +18,7 @@ from jobs.importing.numbers import floats_of, rows_of, table_of
 from jobs.importing.resources import Resources
 from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
 from storage.base.errors import ModelError
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 _HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b")
 

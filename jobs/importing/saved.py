@@ -29,7 +29,7 @@ import numpy as np
 
 from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
-from storage.placement import IDENTITY, normal_matrix, transform_points
+from storage.meshes.placement import IDENTITY, normal_matrix, transform_points
 
 MESH = np.dtype(
     [

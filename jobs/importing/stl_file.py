@@ -14,7 +14,7 @@ from jobs.importing.content import Content, whole
 from jobs.importing.resources import Resources
 from jobs.importing.scene import SourceMesh, SourceNode, SourceScene
 from storage.base.errors import ModelError
-from storage.placement import IDENTITY
+from storage.meshes.placement import IDENTITY
 
 _HEADER, _FACET = 84, 50
 

@@ -67,7 +67,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     from jobs.detail.inner import make_inner
     from jobs.detail.leaf import MOST_LEVELS, Member, gather, make_leaf, place_offer
     from jobs.detail.offers import load_offers, save_offers
-    from storage.placement import IDENTITY
+    from storage.meshes.placement import IDENTITY
 
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])

@@ -1,6 +1,6 @@
 """The facets of the meshes on the GPU: runs of their triangles that are left out where a view cell sees only backs.
 
-Based on: J. Chhugani et al.: vLOD, IEEE TVCG 11(1), 2005, section 5.1; see storage.facets.
+Based on: J. Chhugani et al.: vLOD, IEEE TVCG 11(1), 2005, section 5.1; see storage.meshes.facets.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.renderer.arena import FreeList
-from storage.facets import CONE, find_turned_away
+from storage.meshes.facets import CONE, find_turned_away
 
 
 class CellBox(NamedTuple):
@@ -31,7 +31,7 @@ class Runs(NamedTuple):
 
 
 class PackFacets(NamedTuple):
-    """The facets of a pack's meshes, one mesh after the other: storage.facets."""
+    """The facets of a pack's meshes, one mesh after the other: storage.meshes.facets."""
 
     counts: NDArray[np.int64]  # (k,) facets of each mesh
     triangles: NDArray[np.int64]  # (f,) triangles of each facet
@@ -57,7 +57,7 @@ class FacetTable:
         self.first = np.full(meshes, -1, np.int64)  # row of each mesh's first facet, -1 where the mesh is absent
         self.count = np.zeros(meshes, np.int64)  # rows of each mesh
         self.triangles = np.zeros(0, np.int64)  # (rows,) of each facet
-        self.cones = np.zeros((0, CONE))  # (rows, CONE) storage.facets
+        self.cones = np.zeros((0, CONE))  # (rows, CONE) storage.meshes.facets
         self._free = FreeList(0)
         self._packs: dict[int, tuple[int, int, NDArray[np.int64]]] = {}
 

@@ -25,7 +25,7 @@ from player.renderer.draw_list import DrawList, build, draw_tables
 from player.renderer.facets import CellBox, FacetTable, PackFacets
 from player.renderer.surfaces import draw_calls
 from storage import open_store
-from storage.facets import part_meshes
+from storage.meshes.facets import part_meshes
 from storage.store import Store
 
 

@@ -18,7 +18,7 @@ from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
-from storage.placement import transform_points
+from storage.meshes.placement import transform_points
 from storage.store import Geometry, open_geometry
 
 Shape = tuple[np.ndarray, np.ndarray]

@@ -18,7 +18,7 @@ from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
-from storage.placement import transform_points
+from storage.meshes.placement import transform_points
 from storage.store import open_geometry
 from storage.tables import NO_PART
 from storage.tree import leaves

@@ -11,7 +11,7 @@ import pytest
 
 from jobs.errors import WorkerLostError
 from jobs.verify import verify
-from storage.facets import find_turned_away
+from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
 from storage.store import Geometry
 from tests.storage.tiny_store import make_store, room_parts

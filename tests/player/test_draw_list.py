@@ -21,7 +21,7 @@ from player.renderer.draw_list import (
 )
 from player.renderer.facets import CellBox, FacetTable, FacetUsers, PackFacets
 from player.renderer.surfaces import draw_calls
-from storage.facets import CONE, part_meshes
+from storage.meshes.facets import CONE, part_meshes
 from storage.store import Store
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from storage import octree
-from storage.geometry import MeshArrays
+from storage.meshes.pack import MeshArrays
 
 
 @st.composite

@@ -7,7 +7,7 @@ import pytest
 
 from storage.base.errors import StoreNotFoundError
 from storage.codecs import DEFAULT, codec_named
-from storage.geometry import MeshArrays
+from storage.meshes.pack import MeshArrays
 from storage.octree import Octree
 from storage.store import open_store
 from storage.tables import CELL, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from storage.base.kernels import allocating_kernel, kernel
-from storage.normals import area_normal
+from storage.meshes.normals import area_normal
 
 #: What one more facet must save on average, in triangles: it often costs a draw command. Cells count triangles by it,
 #: so whoever changes it changes the format's number as well.

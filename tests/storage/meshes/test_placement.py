@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.placement import IDENTITY, normal_matrix, placed, transform_points
+from storage.meshes.placement import IDENTITY, normal_matrix, placed, transform_points
 from storage.tables import Grid
 
 

@@ -1,6 +1,6 @@
 """The order of a mesh's triangles and vertices: near triangles follow each other, vertices are numbered by first use.
 
-Such meshes compress well (storage.connectivity) and draw fast, since a graphics card's vertex cache finds them again.
+Such meshes compress well (see `connectivity`) and draw fast, since a graphics card's vertex cache finds them again.
 
 Based on: Sander, Nehab, Barczak: Fast Triangle Reordering for Vertex Locality and Reduced Overdraw, SIGGRAPH 2007
 (the "tipsify" algorithm).

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
-from storage.geometry import MeshArrays, ordered, pack, pack_source_faces, unpack, unpack_source_faces
-from storage.normals import LIMIT, from_octahedral, to_octahedral
+from storage.meshes.normals import LIMIT, from_octahedral, to_octahedral
+from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces, unpack, unpack_source_faces
 from tests.storage.strategies import meshes
 from tests.storage.tiny_store import box_part
 

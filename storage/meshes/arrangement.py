@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from storage.base.kernels import allocating_kernel
-from storage.connectivity import encode_triangles
-from storage.mesh_order import CACHE, first_use, same_rows, triangle_order
-from storage.normals import from_octahedral, to_octahedral
+from storage.meshes.connectivity import encode_triangles
+from storage.meshes.mesh_order import CACHE, first_use, same_rows, triangle_order
+from storage.meshes.normals import from_octahedral, to_octahedral
 
 
 @allocating_kernel()
@@ -22,7 +22,7 @@ def arranged(
     colours: NDArray[np.uint8],
     triangles: NDArray[np.uint32],
 ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.int64]]:
-    """Positions (k, 3), normals (k, 3), colours (k, 4) and triangles (m, 3) as a pack keeps them; see storage.geometry.
+    """Positions (k, 3), normals (k, 3), colours (k, 4) and triangles (m, 3) as a pack keeps them: see `pack`.
 
     positions (n, 3), normals (n, 3), colours (n, 4), triangles (m, 3) with indices below n. Vertices that agree in
     position, rounded normal and colour become one. Also gives the order (m,) in which the triangles were taken.

@@ -1,9 +1,9 @@
 """Packs: several meshes in one compressed frame.
 
 A mesh is first brought into the order that compresses best (`ordered`); a pack of such meshes gives back the very same
-arrays. Stored are, in one zstd frame: the triangles between positions (storage.connectivity), which of a position's
-vertices each corner uses (storage.wedges), positions as differences from what the triangles foretell, normals as
-differences from what the shape foretells (storage.normals), and colours as differences from the vertex before.
+arrays. Stored are, in one zstd frame: the triangles between positions (see `connectivity`), which of a position's
+vertices each corner uses (see `wedges`), positions as differences from what the triangles foretell, normals as
+differences from what the shape foretells (storage.meshes.normals), and colours as differences from the vertex before.
 FORMAT.md has the layout.
 """
 
@@ -17,13 +17,13 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from storage.arrangement import arranged
 from storage.base.errors import CorruptStoreError
-from storage.connectivity import decode_triangles, encode_triangles, foretell, fulfil, make_local
-from storage.mesh_order import same_rows
-from storage.normals import foretell_normals, from_octahedral, to_octahedral
-from storage.planes import step_planes, unstep_planes, unzigzag_planes, zigzag_planes
-from storage.wedges import decode_wedges, encode_wedges
+from storage.meshes.arrangement import arranged
+from storage.meshes.byte_planes import step_planes, unstep_planes, unzigzag_planes, zigzag_planes
+from storage.meshes.connectivity import decode_triangles, encode_triangles, foretell, fulfil, make_local
+from storage.meshes.mesh_order import same_rows
+from storage.meshes.normals import foretell_normals, from_octahedral, to_octahedral
+from storage.meshes.wedges import decode_wedges, encode_wedges
 
 #: zstd level of packs: they are written once and decode as fast as any other.
 LEVEL = 10
@@ -102,7 +102,7 @@ def pack(meshes: Sequence[MeshArrays]) -> bytes:
     codes, more, named, turns = encode_triangles(triangles)
     wedge_codes, wedges, sources = encode_wedges(triangles.ravel(), names.ravel(), len(positions))
     if turns.any() or not np.array_equal(wedges, names.ravel()) or len(sources) != vertex_start:
-        raise ValueError("meshes must be brought into order (storage.geometry.ordered) before they are packed")
+        raise ValueError("meshes must be brought into order (storage.meshes.pack.ordered) before they are packed")
     _, guides = decode_triangles(codes, more, named, len(positions))
 
     every = _joined([mesh.positions for mesh in meshes], np.int32, 3)

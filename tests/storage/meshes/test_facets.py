@@ -12,8 +12,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from storage.facets import find_turned_away, part_meshes
-from storage.placement import transform_points
+from storage.meshes.facets import find_turned_away, part_meshes
+from storage.meshes.placement import transform_points
 from storage.store import Store
 from tests.storage.tiny_store import box_part, make_store, room_parts
 

@@ -18,9 +18,9 @@ import numpy as np
 from jobs.budget import coarsen
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
-from storage import octree
+from storage.cells import octree
+from storage.cells.octree import Octree
 from storage.detail import UNBOUNDED, choose_cut, possible_drawables
-from storage.octree import Octree
 from storage.store import Facets, Geometry
 from storage.tables import CELL
 from storage.tree import leaves

@@ -13,7 +13,7 @@ from jobs.detail.options import DetailOptions
 from jobs.objects.options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
 from storage.base.errors import ParameterError
-from storage.octree import MAX_DEPTH, Octree
+from storage.cells.octree import MAX_DEPTH, Octree
 
 #: How much the view space exceeds the model's box on every side by default, as a fraction of the box.
 VIEW_MARGIN = 0.02

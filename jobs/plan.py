@@ -272,7 +272,7 @@ class CellsPlan:
         """The task on the octree's topmost cells. Raises ParameterError where no cell can keep to `max_triangles`."""
         from jobs.budget import check_budget
         from jobs.cells import triangles_needed
-        from storage.octree import ROOT
+        from storage.cells.octree import ROOT
         from storage.store import open_geometry
 
         geometry = open_geometry(place.store, geometry_section_of(place, self._tables.key))

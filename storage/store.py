@@ -24,13 +24,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from storage.base.errors import CorruptStoreError, NotComputedError, ParameterError, StoreError, StoreNotFoundError
-from storage.codecs import codec_named
-from storage.deltas import Delta, Ids, odd_ones
+from storage.cells.codecs import codec_named
+from storage.cells.deltas import Delta, Ids, odd_ones
+from storage.cells.octree import LeafSet, Octree, neighbours
 from storage.detail import choose_cut
 from storage.meshes.facets import CONE, find_turned_away, part_meshes
 from storage.meshes.pack import Pack, unpack, unpack_source_faces
 from storage.meshes.placement import IDENTITY, normal_matrix, placed, transform_points
-from storage.octree import LeafSet, Octree, neighbours
 from storage.shards.cache import ByteCache
 from storage.shards.columns import unpack_names, unpack_table
 from storage.shards.files import Files

@@ -80,7 +80,7 @@ DRAWABLE = np.dtype(
 #: A view cell with what was found for it.
 CELL = np.dtype(
     [
-        ("key", "<u8"),  # location code in the octree: see storage.octree
+        ("key", "<u8"),  # location code in the octree: see storage.cells.octree
         ("depth", "<u4"),
         ("lo", "<f8", (3,)),
         ("hi", "<f8", (3,)),

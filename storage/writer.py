@@ -23,14 +23,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.codecs import DEFAULT, codec_named
-from storage.deltas import Ids, difference
+from storage.cells.codecs import DEFAULT, codec_named
+from storage.cells.deltas import Ids, difference
+from storage.cells.octree import LeafSet, Octree
+from storage.cells.spanning_forest import spanning_forest
 from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
-from storage.octree import LeafSet, Octree
 from storage.shards.columns import pack_names, pack_table, unpack_table
 from storage.shards.manifest import Manifest, commit
 from storage.shards.shards import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
-from storage.spanning_tree import spanning_forest
 from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
 
 __all__ = [

@@ -46,7 +46,7 @@ def lay_out_cells(work: Assignment) -> dict[str, Any]:
 
     Each task's cells become one shard, in the order of the tasks' root keys; they are numbered shard by shard.
     """
-    from storage.octree import neighbours
+    from storage.cells.octree import neighbours
 
     keys = [np.load(work.place.result(CELLS.name, key) / "cells.npy")["key"] for key in work.places["cells"]]
     starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
@@ -98,7 +98,7 @@ def cell_parameters(payload: Json) -> CellParameters:
     """The parameters of cells from a task's payload."""
     from jobs.cells import CellParameters
     from jobs.visibility.engine import EngineSettings
-    from storage.octree import Octree
+    from storage.cells.octree import Octree
 
     values = dict(payload)
     return CellParameters(

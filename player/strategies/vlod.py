@@ -18,7 +18,7 @@ from player.scene import Scene
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
 from player.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
-from storage.deltas import apply
+from storage.cells.deltas import apply
 from storage.detail import choose_cut
 from storage.tree import overlapping
 

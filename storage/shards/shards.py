@@ -60,8 +60,8 @@ class Kind(IntEnum):
     NAMES = 2  # a list of strings: storage.shards.columns
     GEOMETRY = 3  # a pack of meshes: storage.meshes.pack
     SOURCE_FACES = 4  # the faces that the meshes of a pack come from: storage.meshes.pack
-    KEY_SET = 5  # a cell's whole vLOD: storage.codecs
-    DELTAS = 6  # a block of boundaries' deltas: storage.codecs
+    KEY_SET = 5  # a cell's whole vLOD: storage.cells.codecs
+    DELTAS = 6  # a block of boundaries' deltas: storage.cells.codecs
 
 
 class ShardRecord(NamedTuple):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.octree import Octree, neighbours
+from storage.cells.octree import Octree, neighbours
 from storage.shards.manifest import commit
 from storage.store import Store
 from storage.writer import cells_section, write_cell_shard

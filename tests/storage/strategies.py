@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from storage import octree
+from storage.cells import octree
 from storage.meshes.pack import MeshArrays
 
 

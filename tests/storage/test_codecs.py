@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError, StoreFormatError
-from storage.codecs import CODECS, DEFAULT, Codec, codec_named
-from storage.codecs.varint_kernels import decode_varints, encode_varints
+from storage.cells.codecs import CODECS, DEFAULT, Codec, codec_named
+from storage.cells.codecs.varint import decode_varints, encode_varints
 from tests.storage.strategies import id_sets
 
 EVERY = pytest.mark.parametrize("codec", CODECS.values(), ids=lambda codec: codec.name)

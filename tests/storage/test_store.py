@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from storage import open_store
 from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
-from storage.deltas import apply
+from storage.cells.deltas import apply
+from storage.cells.octree import neighbours
 from storage.meshes.placement import transform_points
-from storage.octree import neighbours
 from storage.store import Store, open_geometry
 from tests.storage.strategies import leaf_sets
 from tests.storage.tiny_store import TinyPart, box_part, make_geometry, make_store, room_parts

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from storage.base.errors import StoreNotFoundError
-from storage.codecs import DEFAULT, codec_named
+from storage.cells.codecs import DEFAULT, codec_named
+from storage.cells.octree import Octree
 from storage.meshes.pack import MeshArrays
-from storage.octree import Octree
 from storage.store import open_store
 from storage.tables import CELL, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
 from storage.writer import (

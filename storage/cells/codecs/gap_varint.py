@@ -14,7 +14,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from storage.base.errors import CorruptStoreError
-from storage.codecs.varint_kernels import decode_varints, encode_varints
+from storage.cells.codecs.varint import decode_varints, encode_varints
 
 #: zstd level: blocks are written once and are a few kilobytes long.
 LEVEL = 19

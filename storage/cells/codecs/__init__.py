@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from storage.base.errors import StoreFormatError
-from storage.codecs.gap_varint import GapVarint
+from storage.cells.codecs.gap_varint import GapVarint
 
 Ids = NDArray[np.uint32]
 

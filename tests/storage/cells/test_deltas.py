@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.deltas import Delta, apply, difference, odd_ones
-from storage.octree import neighbours
-from storage.spanning_tree import LONGEST_CHAIN, spanning_forest
+from storage.cells.deltas import Delta, apply, difference, odd_ones
+from storage.cells.octree import neighbours
+from storage.cells.spanning_forest import LONGEST_CHAIN, spanning_forest
 from tests.storage.strategies import id_sets, leaf_sets
 
 SETS = id_sets(largest=80)

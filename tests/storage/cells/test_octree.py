@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage import octree
-from storage.octree import LeafSet, Octree
+from storage.cells import octree
+from storage.cells.octree import LeafSet, Octree
 from tests.storage.strategies import leaf_sets
 
 

@@ -2,7 +2,7 @@
 
 The allowed error is raised step by step: 1, 1.5, 2, 3, 4, 6, 8 ... times the one asked for. The cell remembers it, so
 that a reader of the store chooses the very same cut. Beyond hundreds of pixels even what touches the cell becomes
-coarser (`storage.detail.choose_cut`), down to the coarsest level of the whole model, so some step always suffices.
+coarser (`storage.model.cut.choose_cut`), down to the coarsest level of the whole model, so some step always suffices.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from jobs.visibility.engine import CellVisibility
 from storage.base.errors import ParameterError
-from storage.detail import coarsest_triangles
+from storage.model.cut import coarsest_triangles
 from storage.store import Geometry
 
 

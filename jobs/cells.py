@@ -20,10 +20,10 @@ from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage.cells import octree
 from storage.cells.octree import Octree
-from storage.detail import UNBOUNDED, choose_cut, possible_drawables
+from storage.model.cut import UNBOUNDED, choose_cut, possible_drawables
+from storage.model.tables import CELL
+from storage.model.tree import leaves
 from storage.store import Facets, Geometry
-from storage.tables import CELL
-from storage.tree import leaves
 
 #: A cell whose vLOD is above the target stays whole where its children would save less than this part of its triangles,
 #: on average: their number and their changes are stored for next to nothing. Only where one task knows all of them.
@@ -45,7 +45,7 @@ class CellParameters:
     view_hi: tuple[float, float, float]
     max_depth: int  # deepest level of cells
     triangles_per_cell: int  # cells with a larger vLOD are split, where that saves something
-    pixel_angle: float  # see storage.detail.pixel_angle
+    pixel_angle: float  # see storage.model.cut.pixel_angle
     pixel_error: float  # allowed error in pixels; raised where a cell would be above max_triangles
     max_triangles: int | None = None  # no cell reports more; None: whatever it takes
     engine: EngineSettings = field(default_factory=EngineSettings)

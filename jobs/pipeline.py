@@ -33,7 +33,7 @@ from jobs.stages.detail import geometry_section_of
 from jobs.tasks import Stage, Task, TaskResult, find_finished
 from jobs.workplace import Workplace
 from storage.base.errors import ParameterError
-from storage.detail import pixel_angle
+from storage.model.cut import pixel_angle
 from storage.shards.manifest import Manifest, commit, current
 from storage.writer import cells_section
 

@@ -28,7 +28,7 @@ from jobs.errors import WorkerLostError
 from jobs.oracle import Oracle, Sight, examine
 from storage import open_store
 from storage.base.errors import ParameterError
-from storage.detail import UNBOUNDED
+from storage.model.cut import UNBOUNDED
 from storage.store import Store
 
 #: Problems of one kind that are spelled out; the rest is counted.

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.tree import heights, leaves
+from storage.model.tree import heights, leaves
 
 Colours = Literal["model", "objects", "levels"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.view import Boxes, boxes_between
+from storage.model.tree import leaves, parents
 from storage.store import Store
-from storage.tree import leaves, parents
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from player.occupancy import cheapest_ways, clearance, enclosure, free_run, mark
 from player.path import CameraPath
 from player.scene import Scene
 from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
-from storage.detail import cut_within
+from storage.model.cut import cut_within
 
 #: Voxels in the grid.
 _VOXELS = 2_000_000

@@ -23,7 +23,7 @@ from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
 from player.view import Vector, View, looking
-from storage.detail import cut_within
+from storage.model.cut import cut_within
 
 StrategyName = Literal["vlod", "frustum", "none"]
 

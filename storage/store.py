@@ -2,7 +2,7 @@
 
     from storage import open_store
     s = open_store(url)
-    s.drawables, s.cells     structured arrays: storage.tables
+    s.drawables, s.cells     structured arrays: storage.model.tables
     s.cell_at(points)        which cell holds each point
     s.vlod(cell)             what can be seen from the cell
     s.cut(cell)              the whole model at the cell's detail, visible or not
@@ -27,16 +27,11 @@ from storage.base.errors import CorruptStoreError, NotComputedError, ParameterEr
 from storage.cells.codecs import codec_named
 from storage.cells.deltas import Delta, Ids, odd_ones
 from storage.cells.octree import LeafSet, Octree, neighbours
-from storage.detail import choose_cut
 from storage.meshes.facets import CONE, find_turned_away, part_meshes
 from storage.meshes.pack import Pack, unpack, unpack_source_faces
 from storage.meshes.placement import IDENTITY, normal_matrix, placed, transform_points
-from storage.shards.cache import ByteCache
-from storage.shards.columns import unpack_names, unpack_table
-from storage.shards.files import Files
-from storage.shards.manifest import FILE, Manifest, from_bytes, version_path
-from storage.shards.shards import Kind, ShardReader, ShardRecord, shard_path
-from storage.tables import (
+from storage.model.cut import choose_cut
+from storage.model.tables import (
     BOUNDARY,
     CELL,
     CELL_LINK,
@@ -49,6 +44,11 @@ from storage.tables import (
     PART,
     Grid,
 )
+from storage.shards.cache import ByteCache
+from storage.shards.columns import unpack_names, unpack_table
+from storage.shards.files import Files
+from storage.shards.manifest import FILE, Manifest, from_bytes, version_path
+from storage.shards.shards import Kind, ShardReader, ShardRecord, shard_path
 
 #: Bytes of decoded packs that a store keeps in memory.
 GEOMETRY_CACHE = 1 << 28
@@ -160,7 +160,7 @@ class Geometry:
         tables = self._reader(ShardRecord(*section["tables"]))
         dtypes = (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE)
         loaded = [unpack_table(tables.frame(frame, Kind.TABLE), dtype) for frame, dtype in enumerate(dtypes)]
-        #: PART, INSTANCE, GEOMETRY, PACK, NODE and DRAWABLE arrays: storage.tables.
+        #: PART, INSTANCE, GEOMETRY, PACK, NODE and DRAWABLE arrays: storage.model.tables.
         self.parts, self.instances, self.geometry, self.packs, self.nodes, self.drawables = loaded
         #: The name of each part.
         self.part_names = unpack_names(tables.frame(len(dtypes), Kind.NAMES))

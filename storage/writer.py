@@ -28,10 +28,10 @@ from storage.cells.deltas import Ids, difference
 from storage.cells.octree import LeafSet, Octree
 from storage.cells.spanning_forest import spanning_forest
 from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
+from storage.model.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
 from storage.shards.columns import pack_names, pack_table, unpack_table
 from storage.shards.manifest import Manifest, commit
 from storage.shards.shards import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
-from storage.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
 
 __all__ = [
     "GeometryShardRecord",

@@ -25,7 +25,7 @@ from jobs.detail.options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces
 from storage.meshes.normals import to_octahedral
-from storage.tables import GRID_LIMIT
+from storage.model.tables import GRID_LIMIT
 
 #: Meshes are handled together up to this many triangles, so that the tables over them stay in the processor's cache.
 BATCH_TRIANGLES = 1 << 15

@@ -20,7 +20,7 @@ from jobs.arrays import mapped_array
 from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
 from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
-from storage.tables import Grid
+from storage.model.tables import Grid
 
 if TYPE_CHECKING:
     from jobs.importing.scene import SourceScene

@@ -151,7 +151,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all tasks on detail to the model's tables and the manifest's section on geometry."""
     from jobs.assemble import join_nodes
-    from storage.tables import INSTANCE, PART
+    from storage.model.tables import INSTANCE, PART
     from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
     model = imported_model(work.place, work.places["import"])
@@ -251,7 +251,7 @@ def _shared_users(shapes: Shapes, first: int, end: int) -> dict[int, list[int]]:
 
 def _part_of(shapes: Shapes, node: int) -> int:
     """The part that all of a leaf's pieces are of; NO_PART where they are of several, and for inner nodes."""
-    from storage.tables import NO_PART
+    from storage.model.tables import NO_PART
 
     number = int(shapes.leaf[node])
     if number < 0:

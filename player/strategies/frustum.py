@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from player.scene import Scene
 from player.strategies.strategy import Choice
 from player.view import Boxes, Vector, View, boxes_in_frustum
-from storage.detail import Wanted, box_distance, choose_cut
+from storage.model.cut import Wanted, box_distance, choose_cut
 
 #: The surroundings are chosen anew when the eye has moved by this part of the model's diagonal.
 _AHEAD_STEP = 0.01

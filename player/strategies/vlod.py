@@ -19,8 +19,8 @@ from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
 from player.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from storage.cells.deltas import apply
-from storage.detail import choose_cut
-from storage.tree import overlapping
+from storage.model.cut import choose_cut
+from storage.model.tree import overlapping
 
 Ids = NDArray[np.int64]
 

@@ -32,7 +32,7 @@ class Manifest:
     """One version of a store."""
 
     model: Mapping[str, Any]  # digest, triangles, lo (3), hi (3), origin (3), up, unit_in_metres; more is allowed
-    pixel_angle: float  # model units per unit of distance that one pixel spans: storage.detail.pixel_angle
+    pixel_angle: float  # model units per unit of distance that one pixel spans: storage.model.cut.pixel_angle
     parameters: Mapping[str, Any]  # every parameter of the build, as JSON holds them
     geometry: Mapping[str, Any]  # made by storage.writer.geometry_section
     cells: Mapping[str, Any] | None  # made by storage.writer.cells_section; None before there are any

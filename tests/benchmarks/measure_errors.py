@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from storage.tree import leaves
+from storage.model.tree import leaves
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import Originals, build_geometry, mesh_of
 from tests.jobs.detail.sampling import distances, measured, sample

@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from jobs.stages import HIERARCHY
-from storage.tree import heights, leaves
+from storage.model.tree import heights, leaves
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
 from tests.jobs.tiny_model import write_rooms

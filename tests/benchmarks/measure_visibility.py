@@ -27,7 +27,7 @@ import numpy as np
 from jobs.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
 from jobs.visibility.soup import build_soup
-from storage.detail import cut_within
+from storage.model.cut import cut_within
 from storage.store import Geometry
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry

@@ -11,8 +11,8 @@ from jobs.importing.model import MeshView, Placement, write_model
 from jobs.importing.repair import repair
 from jobs.importing.scene import SourceMesh
 from jobs.parameters import BuildParameters
-from storage.detail import cut_within
-from storage.tree import leaves, parents
+from storage.model.cut import cut_within
+from storage.model.tree import leaves, parents
 from tests.jobs.built_geometry import Built, Originals, build_levels, mesh_of
 from tests.jobs.detail.sampling import distances, sample
 from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, torus

@@ -19,9 +19,9 @@ from jobs.stages.detail import geometry_section_of
 from jobs.tasks import Task, TaskResult
 from jobs.workplace import Workplace
 from storage.meshes.placement import transform_points
+from storage.model.tables import NO_PART
+from storage.model.tree import leaves
 from storage.store import open_geometry
-from storage.tables import NO_PART
-from storage.tree import leaves
 
 entries = st.floats(-100, 100, allow_nan=False).filter(lambda value: value == 0 or abs(value) > 1e-3)
 

@@ -17,7 +17,7 @@ from jobs.verify import verify
 from jobs.visibility.engine import CellVisibility
 from storage import open_store
 from storage.base.errors import ParameterError, StoreNotFoundError
-from storage.detail import choose_cut, coarsest_triangles
+from storage.model.cut import choose_cut, coarsest_triangles
 from storage.store import Store
 
 PARAMETERS = BuildParameters(triangles_per_cell=3000, max_depth=2, quality="draft")

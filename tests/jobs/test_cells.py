@@ -17,7 +17,7 @@ from jobs.stages.cells import cell_parameters as from_payload
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store
 from storage.cells import octree
-from storage.detail import pixel_angle
+from storage.model.cut import pixel_angle
 from storage.store import Geometry, Store
 from tests.jobs.built_geometry import build_geometry
 

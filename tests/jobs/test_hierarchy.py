@@ -7,8 +7,8 @@ import pytest
 
 from jobs.importing.model import MeshView, Placement, write_model
 from jobs.scenes import write_scene
-from storage.detail import cut_within
-from storage.tree import leaves, parents
+from storage.model.cut import cut_within
+from storage.model.tree import leaves, parents
 from tests.jobs.built_geometry import Built, Originals, build_geometry, build_levels, mesh_of
 from tests.jobs.detail.sampling import distances, sample
 

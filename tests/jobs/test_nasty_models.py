@@ -13,7 +13,7 @@ import pytest
 from jobs.importing.model import MeshView, Placement
 from jobs.parameters import BuildParameters
 from storage.meshes.placement import IDENTITY
-from storage.tree import leaves
+from storage.model.tree import leaves
 from tests.jobs.nasty_models import NastyModel, built_of, faults, nasty_model
 
 

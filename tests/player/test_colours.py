@@ -10,7 +10,7 @@ from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.scene import Scene
 from player.walkthrough import Settings, Walkthrough
-from storage.tables import DRAWABLE, NODE
+from storage.model.tables import DRAWABLE, NODE
 from tests.player.conftest import inside_view
 
 

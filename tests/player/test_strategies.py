@@ -14,7 +14,7 @@ from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
 from player.view import boxes_between, boxes_in_frustum
-from storage.detail import choose_cut
+from storage.model.cut import choose_cut
 from storage.store import Store
 from tests.player.conftest import inside_view, view_from
 from tests.storage.tiny_store import make_store, room_parts

@@ -9,8 +9,8 @@ from storage.base.errors import StoreNotFoundError
 from storage.cells.codecs import DEFAULT, codec_named
 from storage.cells.octree import Octree
 from storage.meshes.pack import MeshArrays
+from storage.model.tables import CELL, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
 from storage.store import open_store
-from storage.tables import CELL, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
 from storage.writer import (
     PACK_BYTES,
     cells_section,

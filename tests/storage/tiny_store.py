@@ -16,11 +16,11 @@ from types import MappingProxyType
 import numpy as np
 
 from storage.cells.octree import Octree, neighbours
-from storage.detail import choose_cut, pixel_angle
 from storage.meshes.placement import transform_points
+from storage.model.cut import choose_cut, pixel_angle
+from storage.model.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid
 from storage.shards.manifest import Manifest, commit
 from storage.store import Geometry, Store, open_geometry, open_store
-from storage.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid
 from storage.writer import (
     MeshArrays,
     cells_section,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from jobs.detail.closest import closest, distance2
 from jobs.detail.hausdorff import hausdorff_bound, one_sided_bound
-from storage.tables import GRID_LIMIT
+from storage.model.tables import GRID_LIMIT
 from tests.jobs.detail.sampling import distances, measured, sample
 from tests.jobs.detail.shapes import (
     Shape,

@@ -22,7 +22,7 @@ from jobs.objects.components import outward_closed
 from jobs.objects.options import Limits
 from jobs.objects.weld import twins, weld
 from storage.base.errors import ParameterError
-from storage.tables import GRID_LIMIT
+from storage.model.tables import GRID_LIMIT
 from tests.jobs.detail.shapes import Built, box, grid, joined, leaves_of, level_mesh, model_of, sphere, torus
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.meshes.placement import IDENTITY, normal_matrix, placed, transform_points
-from storage.tables import Grid
+from storage.model.tables import Grid
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e4]))

@@ -4,8 +4,8 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage import tables
 from storage.base.errors import CorruptStoreError, StoreFormatError
+from storage.model import tables
 from storage.shards.columns import pack_names, pack_table, unpack_names, unpack_table
 
 DTYPES = [dtype for name, dtype in vars(tables).items() if name.isupper() and isinstance(dtype, np.dtype)]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from storage.base.errors import ParameterError
-from storage.tree import children, roots
+from storage.model.tree import children, roots
 
 
 def pixel_angle(screen_height: float, field_of_view_degrees: float, aspect: float = 16 / 9) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.tables import NODE
-from storage.tree import children, heights, leaves, overlapping, parents, roots
+from storage.model.tables import NODE
+from storage.model.tree import children, heights, leaves, overlapping, parents, roots
 
 
 def forest(seed: int, count: int) -> tuple[np.ndarray, list[int]]:

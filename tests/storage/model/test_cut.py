@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import ParameterError
-from storage.detail import UNBOUNDED, choose_cut, coarsest_triangles, cut_within, pixel_angle, possible_drawables
-from storage.tables import DRAWABLE, NODE
-from storage.tree import parents, roots
+from storage.model.cut import UNBOUNDED, choose_cut, coarsest_triangles, cut_within, pixel_angle, possible_drawables
+from storage.model.tables import DRAWABLE, NODE
+from storage.model.tree import parents, roots
 
 
 @given(st.integers(1, 4000), st.floats(5, 160), st.floats(0.3, 4), st.integers(0, 2**32 - 1))

@@ -18,7 +18,7 @@ import numpy as np
 from jobs.plots import box_map, histogram, lines, share_legend, share_map
 from storage import open_store
 from storage.base.errors import ParameterError
-from storage.info import MAY_MISS
+from storage.cli.info import MAY_MISS
 
 #: The film's width in pixels, and how long each of its frames stays, in milliseconds.
 FILM_WIDTH, FILM_FRAME = 640, 60

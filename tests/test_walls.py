@@ -100,14 +100,16 @@ def top_level_imports(path):
             yield node.module.split(".")[0]
 
 
-@pytest.mark.parametrize("module", ["jobs/commands.py", "storage/command.py", "player/commands.py", "jobs/tasks.py"])
+@pytest.mark.parametrize(
+    "module", ["jobs/commands.py", "storage/cli/command.py", "player/commands.py", "jobs/tasks.py"]
+)
 def test_light_modules_import_heavy_ones_late(module):
     heavy = {"numba", "trimesh", "ray", "moderngl", "moderngl_window", "scipy", "embreex"}
     assert heavy.isdisjoint(top_level_imports(ROOT / module))
 
 
 def test_help_comes_at_once():
-    command = [sys.executable, "-c", "from storage.command import main; main()", "--help"]
+    command = [sys.executable, "-c", "from storage.cli.command import main; main()", "--help"]
     subprocess.run(command, check=True, capture_output=True)
     took = []
     for _ in range(3):
@@ -116,13 +118,13 @@ def test_help_comes_at_once():
         took.append(time.perf_counter() - began)
     # About 0.2 s on an idle machine; the rest is room for a busy one.
     assert min(took) < 1.5
-    said = "import storage.command, sys; print(*sorted(m for m in sys.modules if '.' not in m))"
+    said = "import storage.cli.command, sys; print(*sorted(m for m in sys.modules if '.' not in m))"
     loaded = subprocess.run([sys.executable, "-c", said], check=True, capture_output=True, text=True).stdout.split()
     assert {"numba", "ray", "trimesh", "moderngl", "scipy"}.isdisjoint(loaded)
 
 
 def commands():
-    from storage.command import vlod
+    from storage.cli.command import vlod
 
     context = click.Context(vlod)
     for name in vlod.list_commands(context):

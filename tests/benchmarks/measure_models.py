@@ -57,7 +57,7 @@ CASES = {
 
 def vlod(*arguments: str) -> str:
     """Standard output of a vlod command; its messages go to standard error."""
-    command = [sys.executable, "-c", "from storage.command import main; main()", *arguments]
+    command = [sys.executable, "-c", "from storage.cli.command import main; main()", *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in {0, 1}:
         raise SystemExit(f"vlod {' '.join(arguments)} ended with {done.returncode}")

@@ -12,7 +12,7 @@ from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow
 
-VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
+VLOD = [sys.executable, "-c", "from storage.cli.command import main; main()"]
 
 
 def vlod(*arguments):

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 VLOD = [
     sys.executable,
     "-c",
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);from storage.command import main; main()",
+    "from signal import *; signal(SIGINT, default_int_handler); from storage.cli.command import main; main()",
 ]
 OPTIONS = ["--triangles-per-cell", "150", "--max-depth", "3", "--region", "0", "0", "0", "8", "3.5", "2"]
 EXECUTORS = [["--executor", "serial"], ["--executor", "ray", "--workers", "2"]]

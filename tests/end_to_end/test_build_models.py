@@ -12,7 +12,7 @@ from storage import open_store
 
 pytestmark = pytest.mark.slow
 
-VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
+VLOD = [sys.executable, "-c", "from storage.cli.command import main; main()"]
 DIRTY = ["busted.STL", "capsule.obj", "chair_model.obj", "cycloidal.ply", "gazebo_cafe.dae", "nancolor.obj"]
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.jobs.tiny_model import write_rooms
 
-VLOD = [sys.executable, "-c", "from storage.command import main; main()"]
+VLOD = [sys.executable, "-c", "from storage.cli.command import main; main()"]
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from storage import command
 from storage.base.errors import ModelError
+from storage.cli import command
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -28,7 +28,7 @@ def _with(monkeypatch: pytest.MonkeyPatch, error: BaseException | int) -> Result
         raise error
 
     monkeypatch.setattr(command, "failing", failing, raising=False)
-    monkeypatch.setitem(command._COMMANDS, "failing", command._Lazy("storage.command", "failing", "Fails.", "jobs"))
+    monkeypatch.setitem(command._COMMANDS, "failing", command._Lazy("storage.cli.command", "failing", "Fails.", "jobs"))
     return _run("failing")
 
 
@@ -174,7 +174,7 @@ def test_info_of_what_is_no_store(tmp_path: Path) -> None:
 
 
 def test_info_on_a_terminal(tmp_path: Path) -> None:
-    from storage.info import _show, collect, sections
+    from storage.cli.info import _show, collect, sections
 
     store = make_store(tmp_path, room_parts())
     _show(sections(collect(store)))

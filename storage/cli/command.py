@@ -28,7 +28,7 @@ class _Lazy(NamedTuple):
 _COMMANDS = {
     "build": _Lazy("jobs.commands", "build", "Make a store from model files.", "jobs"),
     "verify": _Lazy("jobs.commands", "verify", "Check a store against independent rays.", "jobs"),
-    "info": _Lazy("storage.info", "info", "Say what a store holds.", None),
+    "info": _Lazy("storage.cli.info", "info", "Say what a store holds.", None),
     "play": _Lazy("player.commands", "play", "Walk through a store.", "player"),
     "path": _Lazy("player.commands", "path", "Make a tour through a store.", "player"),
     "demo-scene": _Lazy("jobs.commands", "demo_scene", "Make a model to try things with.", "jobs"),

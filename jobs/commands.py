@@ -22,7 +22,7 @@ class _Size(click.ParamType):
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:  # noqa: ARG002
-        from jobs.memory import parse_size
+        from jobs.running.memory import parse_size
 
         return parse_size(str(value))
 
@@ -181,11 +181,11 @@ def build(
 
     Finished tasks are kept: after an interrupt, a crash or a change, the same command goes on where it can.
     """
-    from jobs.choose_executor import choose_executor
     from jobs.inputs import total_bytes
     from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
-    from jobs.progress import progress_for
+    from jobs.running.choose_executor import choose_executor
+    from jobs.running.progress import progress_for
 
     if not inputs:
         named = f"{store} STORE" if store.is_file() else f"MODEL {store}"
@@ -227,7 +227,7 @@ def verify(
     context: click.Context, store: str, samples: int, cells: int, seed: int, workers: int | None, as_json: bool
 ) -> None:
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
-    from jobs.progress import progress_for
+    from jobs.running.progress import progress_for
     from jobs.verify import verify as verify_store
     from storage.base.errors import CorruptStoreError
 
@@ -260,7 +260,7 @@ def verify(
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 def demo_scene(kind: str, out: Path, triangles: int, seed: int, as_json: bool) -> None:
     """Generate a model of a given KIND and size, as binary glTF (OUT, a .glb)."""
-    from jobs.progress import progress_for
+    from jobs.running.progress import progress_for
     from jobs.scenes import write_scene
 
     with progress_for() as progress:

@@ -25,13 +25,13 @@ import numpy as np
 
 from jobs import plan, stages
 from jobs.build_report import BuildReport, StageReport
-from jobs.executors import Executor, Then, no_more
-from jobs.memory import TASK_MEMORY, MemoryWatch
 from jobs.parameters import BuildParameters, view_space
-from jobs.progress import Progress, Silent
+from jobs.running.executors import Executor, Then, no_more
+from jobs.running.memory import TASK_MEMORY, MemoryWatch
+from jobs.running.progress import Progress, Silent
+from jobs.running.tasks import Stage, Task, TaskResult, find_finished
+from jobs.running.workplace import Workplace
 from jobs.stages.detail import geometry_section_of
-from jobs.tasks import Stage, Task, TaskResult, find_finished
-from jobs.workplace import Workplace
 from storage.base.errors import ParameterError
 from storage.model.cut import pixel_angle
 from storage.shards.manifest import Manifest, commit, current

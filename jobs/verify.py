@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from jobs.errors import WorkerLostError
 from jobs.oracle import Oracle, Sight, examine
+from jobs.running.errors import WorkerLostError
 from storage import open_store
 from storage.base.errors import ParameterError
 from storage.model.cut import UNBOUNDED

@@ -58,7 +58,7 @@ def test_who_never_imports_whom(package, forbidden):
 
 
 def test_one_module_knows_ray():
-    assert [module for module in IMPORTS if imports_any(module, ["ray"])] == ["jobs.ray_executor"]
+    assert [module for module in IMPORTS if imports_any(module, ["ray"])] == ["jobs.running.ray_executor"]
 
 
 def test_kernels_know_neither_files_nor_ray():
@@ -67,7 +67,7 @@ def test_kernels_know_neither_files_nor_ray():
     allowed = ("storage.base.errors", "storage.model.tables", "storage.base.kernels", *compiled)
     for module in compiled:
         if module != "storage.base.kernels":
-            own = imports_any(module, ["storage", "ray", "jobs.tasks", "jobs.pipeline", "pathlib"])
+            own = imports_any(module, ["storage", "ray", "jobs.running.tasks", "jobs.pipeline", "pathlib"])
             assert [found for found in own if found != "storage" and not found.startswith(allowed)] == [], module
 
 
@@ -79,7 +79,7 @@ def test_keys_of_tasks_know_all_code_that_decides_a_result():
     """Whatever a stage's modules import belongs to its code too: changed code must never meet old results."""
     from jobs import stages
 
-    apart = ("jobs.tasks", "jobs.workplace")
+    apart = ("jobs.running.tasks", "jobs.running.workplace")
     for stage in stages.STAGES:
         for module, imported in IMPORTS.items():
             if module.startswith("jobs.stages") or not any(
@@ -101,7 +101,7 @@ def top_level_imports(path):
 
 
 @pytest.mark.parametrize(
-    "module", ["jobs/commands.py", "storage/cli/command.py", "player/commands.py", "jobs/tasks.py"]
+    "module", ["jobs/commands.py", "storage/cli/command.py", "player/commands.py", "jobs/running/tasks.py"]
 )
 def test_light_modules_import_heavy_ones_late(module):
     heavy = {"numba", "trimesh", "ray", "moderngl", "moderngl_window", "scipy", "embreex"}

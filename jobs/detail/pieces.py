@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.arrays import mapped_array, save_array
 from jobs.detail.attributes import corner_normals, keep_given_normals
 from jobs.detail.displacement import group_maximum, snapped
 from jobs.detail.face_normals import face_normals
 from jobs.detail.options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces
+from jobs.running.arrays import mapped_array, save_array
 from storage.meshes.normals import to_octahedral
 from storage.model.tables import GRID_LIMIT
 

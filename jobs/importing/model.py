@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.arrays import mapped_array
 from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
+from jobs.running.arrays import mapped_array
 from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
 from storage.model.tables import Grid

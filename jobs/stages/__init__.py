@@ -1,16 +1,16 @@
 """The kinds of tasks. Their work lies in `model` (import, pieces, hierarchy), `detail` (levels of nodes, tables) and
 `cells` (view cells, their order, their shards): functions that run in worker processes and import heavy modules inside.
 
-Each is a `jobs.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's
+Each is a `jobs.running.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's
 shards, and returns a small record.
 """
 
 from __future__ import annotations
 
-from jobs.tasks import Stage
+from jobs.running.tasks import Stage
 
 #: The reading and writing of stores decides what any stage gives.
-_ALL = ("jobs.stages", "jobs.arrays", "storage")
+_ALL = ("jobs.stages", "jobs.running.arrays", "storage")
 _DETAIL = (*_ALL, "jobs.assemble", "jobs.importing", "jobs.objects", "jobs.detail")
 _CELLS = (*_ALL, "jobs.cells", "jobs.budget", "jobs.visibility", "jobs.objects.weld")
 

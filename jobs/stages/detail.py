@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.arrays import save_array
+from jobs.running.arrays import save_array
+from jobs.running.tasks import Assignment, content_key, content_of_arrays
+from jobs.running.workplace import Workplace
 from jobs.stages import NODES, PIECES, SHARED, TABLES
 from jobs.stages.model import Shapes, detail_options, imported_model
-from jobs.tasks import Assignment, content_key, content_of_arrays
-from jobs.workplace import Workplace
 
 if TYPE_CHECKING:
     from jobs.assemble import Placed

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.arrays import mapped_array, save_array
+from jobs.running.arrays import mapped_array, save_array
+from jobs.running.tasks import Assignment, Json, content_of_arrays
+from jobs.running.workplace import Workplace
 from jobs.stages import HIERARCHY, IMPORT, PIECES
-from jobs.tasks import Assignment, Json, content_of_arrays
-from jobs.workplace import Workplace
 
 if TYPE_CHECKING:
     from jobs.detail.options import DetailOptions

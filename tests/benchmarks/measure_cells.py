@@ -23,9 +23,9 @@ import numpy as np
 import pytest
 
 import jobs.cells
-from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
+from jobs.running.executors import SerialExecutor
 from jobs.stages import CELLS
 from storage import open_store
 from tests.benchmarks.models import model_file

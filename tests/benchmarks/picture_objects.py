@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from jobs.executors import SerialExecutor
 from jobs.parameters import OBJECTS, BuildParameters
 from jobs.pipeline import build
-from jobs.progress import Silent
+from jobs.running.executors import SerialExecutor
+from jobs.running.progress import Silent
 from player.headless import Screen, play
 from player.path import CameraPath
 from player.scene import Scene, scene_of

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from jobs.executors import Executor, GrowingExecutor, SerialExecutor
-from jobs.ray_executor import RayExecutor
-from jobs.workplace import Workplace
+from jobs.running.executors import Executor, GrowingExecutor, SerialExecutor
+from jobs.running.ray_executor import RayExecutor
+from jobs.running.workplace import Workplace
 
 
 @pytest.fixture(scope="session")

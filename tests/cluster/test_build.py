@@ -9,9 +9,9 @@ import time
 
 import pytest
 
-from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
+from jobs.running.executors import SerialExecutor
 from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow

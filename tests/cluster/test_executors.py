@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from jobs.choose_executor import choose_executor
-from jobs.errors import MemoryLimitError, WorkerLostError
-from jobs.executors import GrowingExecutor, SerialExecutor
-from jobs.ray_executor import ATTEMPTS, RayExecutor
-from jobs.tasks import Task
+from jobs.running.choose_executor import choose_executor
+from jobs.running.errors import MemoryLimitError, WorkerLostError
+from jobs.running.executors import GrowingExecutor, SerialExecutor
+from jobs.running.ray_executor import ATTEMPTS, RayExecutor
+from jobs.running.tasks import Task
 from storage.base import compiling
 from storage.base.errors import ModelError, ParameterError
 from tests.cluster.toy_stages import COMPILING, LETHAL, SQUARE, WRONG, square_task

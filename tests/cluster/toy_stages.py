@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from jobs.tasks import Assignment, Stage, Task
+from jobs.running.tasks import Assignment, Stage, Task
 from storage.base.compiling import tell
 from storage.base.errors import ModelError
 

@@ -12,7 +12,7 @@ import pytest
 BUILD = """
 import json, sys
 from pathlib import Path
-from jobs.executors import SerialExecutor
+from jobs.running.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 

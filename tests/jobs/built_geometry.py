@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.executors import SerialExecutor
 from jobs.importing.model import Model, open_model
-from jobs.memory import MemoryWatch
 from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_geometry, make_levels
-from jobs.progress import Silent
+from jobs.running.executors import SerialExecutor
+from jobs.running.memory import MemoryWatch
+from jobs.running.progress import Silent
+from jobs.running.tasks import Task, TaskResult
+from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
-from jobs.tasks import Task, TaskResult
-from jobs.workplace import Workplace
 from storage.meshes.placement import transform_points
 from storage.store import Geometry, open_geometry
 

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.assemble import float32_down, float32_up, largest_stretch
-from jobs.executors import SerialExecutor
 from jobs.importing.model import MeshView, Placement, open_model, write_model
-from jobs.memory import MemoryWatch
 from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_levels
-from jobs.progress import Silent
+from jobs.running.executors import SerialExecutor
+from jobs.running.memory import MemoryWatch
+from jobs.running.progress import Silent
+from jobs.running.tasks import Task, TaskResult
+from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
-from jobs.tasks import Task, TaskResult
-from jobs.workplace import Workplace
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves

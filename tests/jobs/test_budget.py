@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.budget import coarsen, raised_error
-from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
+from jobs.running.executors import SerialExecutor
 from jobs.verify import verify
 from jobs.visibility.engine import CellVisibility
 from storage import open_store

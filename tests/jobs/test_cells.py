@@ -9,10 +9,10 @@ import pytest
 
 import jobs.cells
 from jobs.cells import CellParameters, compute_subtree, triangles_needed
-from jobs.executors import SerialExecutor
 from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.plan import cell_parameters
+from jobs.running.executors import SerialExecutor
 from jobs.stages.cells import cell_parameters as from_payload
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store

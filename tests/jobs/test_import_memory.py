@@ -23,7 +23,7 @@ import sys, tempfile
 from pathlib import Path
 import numpy, trimesh.exchange.stl
 from jobs.importing.model import import_model
-from jobs.memory import peak_memory, reset_peak
+from jobs.running.memory import peak_memory, reset_peak
 reset_peak()
 before = peak_memory()
 with tempfile.TemporaryDirectory() as folder:

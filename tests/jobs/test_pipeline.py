@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import jobs.cells
-from jobs.errors import MemoryLimitError, WorkInUseError
-from jobs.executors import SerialExecutor
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
+from jobs.running.errors import MemoryLimitError, WorkInUseError
+from jobs.running.executors import SerialExecutor
+from jobs.running.workplace import Workplace
 from jobs.verify import verify
-from jobs.workplace import Workplace
 from storage import open_store
 from storage.base.errors import (
     CURE,

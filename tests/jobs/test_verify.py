@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jobs.errors import WorkerLostError
+from jobs.running.errors import WorkerLostError
 from jobs.verify import verify
 from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit

@@ -19,7 +19,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TextIO
 
-from jobs.errors import WorkInUseError
+from jobs.running.errors import WorkInUseError
 from storage.base.temporary import abandoned, host, temporary_path
 
 #: The file in the work directory that says that a build runs.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 
-from jobs.executors import Executor, GrowingExecutor, SerialExecutor
+from jobs.running.executors import Executor, GrowingExecutor, SerialExecutor
 from storage.base.errors import MissingDependencyError, ParameterError
 
 #: Input size, in bytes, above which "auto" means Ray: about 10 to 20 seconds of work for one core.
@@ -35,7 +35,7 @@ def choose_executor(name: str, workers: int | None, ray_address: str | None, inp
         return SerialExecutor()
     if not installed:
         raise MissingDependencyError("--executor ray needs Ray, which is not installed: pip install 'vlod[jobs]'")
-    from jobs.ray_executor import RayExecutor
+    from jobs.running.ray_executor import RayExecutor
 
     ray = RayExecutor(workers, address)
     return GrowingExecutor(ray) if growing else ray

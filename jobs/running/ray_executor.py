@@ -16,11 +16,11 @@ from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from jobs.compiling_signs import seen, shown
-from jobs.errors import ClusterError, MemoryLimitError, WorkerLostError
-from jobs.executors import Backlog, Then, no_more
-from jobs.tasks import Task, TaskResult, find_finished, run_task
-from jobs.workplace import Workplace
+from jobs.running.compiling_signs import seen, shown
+from jobs.running.errors import ClusterError, MemoryLimitError, WorkerLostError
+from jobs.running.executors import Backlog, Then, no_more
+from jobs.running.tasks import Task, TaskResult, find_finished, run_task
+from jobs.running.workplace import Workplace
 from storage.base.compiling import tell
 
 #: Attempts at a task whose worker or node died; spot nodes vanish, but a task that kills workers must end.

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from jobs.compiling_signs import STALE, seen, shown
-from jobs.workplace import Workplace
+from jobs.running.compiling_signs import STALE, seen, shown
+from jobs.running.workplace import Workplace
 from storage.base import compiling
 
 

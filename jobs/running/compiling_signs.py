@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from jobs.workplace import Workplace
+from jobs.running.workplace import Workplace
 from storage.base import compiling
 from storage.base.compiling import Stopwatch, heard_by
 from storage.base.temporary import PREFIX, temporary_path

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from jobs.errors import CodeMismatchError
-from jobs.memory import peak_memory, reset_peak
-from jobs.workplace import Workplace
+from jobs.running.errors import CodeMismatchError
+from jobs.running.memory import peak_memory, reset_peak
+from jobs.running.workplace import Workplace
 
 RECORD = "record.json"
 

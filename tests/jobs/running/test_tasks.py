@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import jobs.tasks
-from jobs.errors import CodeMismatchError, WorkInUseError
-from jobs.tasks import RECORD, Task, content_key, find_finished, run_task
-from jobs.workplace import LOCK, Workplace
+import jobs.running.tasks
+from jobs.running.errors import CodeMismatchError, WorkInUseError
+from jobs.running.tasks import RECORD, Task, content_key, find_finished, run_task
+from jobs.running.workplace import LOCK, Workplace
 from tests.cluster.toy_stages import SLOW, SQUARE, square_task
 
 json_values = st.recursive(
@@ -50,14 +50,14 @@ def test_places_and_memory_do_not_change_the_key_but_stage_and_code_do(tmp_path)
     key = Task(SQUARE, {"a": 1}).key
     assert Task(SQUARE, {"a": 1}, {"where": "elsewhere"}, memory=7).key == key
     assert Task(SLOW, {"a": 1}).key != key
-    assert Task(dataclasses.replace(SQUARE, code=("jobs.tasks",)), {"a": 1}).key != key
+    assert Task(dataclasses.replace(SQUARE, code=("jobs.running.tasks",)), {"a": 1}).key != key
     assert Task(dataclasses.replace(SQUARE, distributions=("numpy",)), {"a": 1}).key != key
 
 
 def test_a_worker_with_other_code_refuses(place, tmp_path, monkeypatch):
     task = square_task(3, log=str(tmp_path / "log"))
     assert task.key
-    monkeypatch.setattr(jobs.tasks, "_version", lambda code, distributions: "other")
+    monkeypatch.setattr(jobs.running.tasks, "_version", lambda code, distributions: "other")
     with pytest.raises(CodeMismatchError, match="same on all machines"):
         run_task(task, place)
     assert not (tmp_path / "log").exists()
@@ -135,9 +135,9 @@ def test_one_build_at_a_time(place):
     with place.locked():
         other = f"""
 from pathlib import Path
-from jobs.workplace import Workplace
-import jobs.tasks
-from jobs.errors import CodeMismatchError, WorkInUseError
+from jobs.running.workplace import Workplace
+import jobs.running.tasks
+from jobs.running.errors import CodeMismatchError, WorkInUseError
 try:
     with Workplace(Path({str(place.work)!r}), Path({str(place.store)!r})).locked():
         print("in")

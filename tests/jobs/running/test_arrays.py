@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jobs.arrays import mapped_array, save_array
+from jobs.running.arrays import mapped_array, save_array
 
 
 def test_arrays_come_back_mapped_and_read_only(tmp_path) -> None:

@@ -6,7 +6,7 @@ from io import StringIO
 
 import pytest
 
-from jobs.progress import Bars, Lines, progress_for
+from jobs.running.progress import Bars, Lines, progress_for
 from storage.base import compiling
 
 

@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
-from jobs.tasks import Task, TaskResult, find_finished, run_task
-from jobs.workplace import Workplace
+from jobs.running.tasks import Task, TaskResult, find_finished, run_task
+from jobs.running.workplace import Workplace
 from storage.base.compiling import Stopwatch, heard_by
 
 #: Seconds of work in this process before a `GrowingExecutor` grows.

@@ -227,8 +227,8 @@ def verify(
     context: click.Context, store: str, samples: int, cells: int, seed: int, workers: int | None, as_json: bool
 ) -> None:
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
+    from jobs.checking.verify import verify as verify_store
     from jobs.running.progress import progress_for
-    from jobs.verify import verify as verify_store
     from storage.base.errors import CorruptStoreError
 
     try:

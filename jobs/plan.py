@@ -270,8 +270,8 @@ class CellsPlan:
 
     def first(self, place: Workplace) -> Task:
         """The task on the octree's topmost cells. Raises ParameterError where no cell can keep to `max_triangles`."""
-        from jobs.budget import check_budget
-        from jobs.cells import triangles_needed
+        from jobs.cells.budget import check_budget
+        from jobs.cells.subtree import triangles_needed
         from storage.cells.octree import ROOT
         from storage.store import open_geometry
 

@@ -12,7 +12,7 @@ from jobs.running.tasks import Stage
 #: The reading and writing of stores decides what any stage gives.
 _ALL = ("jobs.stages", "jobs.running.arrays", "storage")
 _DETAIL = (*_ALL, "jobs.assemble", "jobs.importing", "jobs.objects", "jobs.detail")
-_CELLS = (*_ALL, "jobs.cells", "jobs.budget", "jobs.visibility", "jobs.objects.weld")
+_CELLS = (*_ALL, "jobs.cells.subtree", "jobs.cells.budget", "jobs.visibility", "jobs.objects.weld")
 
 IMPORT = Stage("import", "jobs.stages.model:import_files", (*_ALL, "jobs.importing"), ("numpy", "trimesh"))
 PIECES = Stage("pieces", "jobs.stages.model:find_pieces", _DETAIL, ("numpy", "numba"))

@@ -16,7 +16,7 @@ from jobs.stages import CELLS, LAYOUT, TABLES
 from jobs.stages.detail import SECTION
 
 if TYPE_CHECKING:
-    from jobs.cells import CellParameters
+    from jobs.cells.subtree import CellParameters
     from storage.store import Geometry
 
 #: File of a layout task: see `shards_needed`.
@@ -25,7 +25,7 @@ NEEDS = "needs.json"
 
 def compute_cells(work: Assignment) -> dict[str, Any]:
     """A subtree of view cells with what can be seen from each."""
-    from jobs.cells import compute_subtree, triangles_needed
+    from jobs.cells.subtree import compute_subtree, triangles_needed
 
     store = _geometry(work.place.store, work.place.result(TABLES.name, work.places["tables"]) / SECTION)
     parameters = cell_parameters(work.payload["parameters"])
@@ -96,7 +96,7 @@ def write_cells(work: Assignment) -> dict[str, Any]:
 
 def cell_parameters(payload: Json) -> CellParameters:
     """The parameters of cells from a task's payload."""
-    from jobs.cells import CellParameters
+    from jobs.cells.subtree import CellParameters
     from jobs.visibility.engine import EngineSettings
     from storage.cells.octree import Octree
 

@@ -73,9 +73,9 @@ def choose_cut(
     many pixels of where it belongs, from everywhere in the box. Leaves that have no level that good stand for
     themselves at their finest. Float64, the same bits on every machine. Work and memory follow the result's size.
     So what touches the box is at its finest, however large the allowed error. A cell that must be coarser still (see
-    `jobs.budget`) allows more than UNBOUNDED = allowed / distance: then whatever lies anywhere, in the box too, may be
-    off by the part of the box's diagonal by which UNBOUNDED is exceeded. With enough pixels the roots' coarsest levels
-    are the cut.
+    `jobs.cells.budget`) allows more than UNBOUNDED = allowed / distance: then whatever lies anywhere, in the box too,
+    may be off by the part of the box's diagonal by which UNBOUNDED is exceeded. With enough pixels the roots' coarsest
+    levels are the cut.
 
     Based on: C. Erikson, D. Manocha, W. V. Baxter, HLODs for Faster Display of Large Static and Dynamic Environments,
     I3D 2001; W. V. Baxter et al., GigaWalk, UNC TR02-013, 2002, section 5.1.2.

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.oracle import examine, surface_points
+from jobs.checking.oracle import examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 from tests.benchmarks.measure_visibility import Case
 

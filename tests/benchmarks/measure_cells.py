@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import jobs.cells
+import jobs.cells.subtree
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
@@ -97,7 +97,7 @@ def main() -> None:
             for rule, asked in rules.items():
                 with pytest.MonkeyPatch.context() as patch:
                     if rule == ALWAYS:
-                        patch.setattr(jobs.cells, "LEAST_SAVED", -np.inf)
+                        patch.setattr(jobs.cells.subtree, "LEAST_SAVED", -np.inf)
                     results[name][rule] = row = measure(file, folder / "store", asked)
                 median = row["median_raised_pixel_error"]
                 pixels = "" if median is None else f", {median:g} (median) to {row['largest_pixel_error']:g}"

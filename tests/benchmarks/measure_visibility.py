@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from jobs.oracle import Oracle, examine
+from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
 from jobs.visibility.soup import build_soup
 from storage.model.cut import cut_within

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from jobs.oracle import Oracle
+from jobs.checking.oracle import Oracle
 from player.view import View
 from storage.store import Geometry
 

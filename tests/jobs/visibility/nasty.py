@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.oracle import Oracle, Sight, examine, surface_points
+from jobs.checking.oracle import Oracle, Sight, examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 
 from .scenes import Mesh, box, rooms, sheet, soup_of

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from jobs.oracle import Oracle, examine, surface_points
+from jobs.checking.oracle import Oracle, examine, surface_points
 from jobs.visibility import aimed_rays, ray_tree
 from jobs.visibility.aimed_rays import INSET, LEAST_WEIGHT, SEEN, TURNED
 from jobs.visibility.engine import Engine, EngineSettings

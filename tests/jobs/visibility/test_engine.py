@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jobs.oracle import Oracle, examine
+from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.oracle import Oracle, examine
+from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine
 
 from .scenes import rooms, soup_of

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.oracle import Oracle, examine, surface_points
+from jobs.checking.oracle import Oracle, examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 from jobs.visibility.gaps import MOST, SHORTER, near_part
 from jobs.visibility.soup import Soup

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-import jobs.cells
-from jobs.cells import CellParameters, compute_subtree, triangles_needed
+import jobs.cells.subtree
+from jobs.cells.subtree import CellParameters, compute_subtree, triangles_needed
 from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.plan import cell_parameters
@@ -47,7 +47,7 @@ def of_cells(geometry: Geometry, parameters: BuildParameters) -> CellParameters:
 
 
 def test_what_splits_save_little_stays_whole(small_plant, default, tmp_path, monkeypatch):
-    monkeypatch.setattr(jobs.cells, "LEAST_SAVED", -np.inf)
+    monkeypatch.setattr(jobs.cells.subtree, "LEAST_SAVED", -np.inf)
     split = built(small_plant, tmp_path, PARAMETERS)
     place = {int(key): cell for cell, key in enumerate(split.cells["key"])}
     whole = [cell for cell, key in enumerate(default.cells["key"]) if int(key) not in place]
@@ -75,8 +75,8 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
         held[-1].append(int(counts[ids].sum()))
         return gather(store, ids, settings)
 
-    gather = jobs.cells._gather
-    monkeypatch.setattr("jobs.cells._gather", noted)
+    gather = jobs.cells.subtree._gather
+    monkeypatch.setattr("jobs.cells.subtree._gather", noted)
     pending, foretold = [octree.ROOT], []
     while pending:
         root = pending.pop()

@@ -2,7 +2,7 @@
 
 The octree is split until a cell's vLOD is small enough or the depth limit is reached. A task takes one octree key and
 works out two levels below it; cells that must be split further are the roots of the next wave of tasks. A cell at the
-depth limit whose vLOD is above the budget, if there is one, gets a coarser cut: see `jobs.budget`.
+depth limit whose vLOD is above the budget, if there is one, gets a coarser cut: see `jobs.cells.budget`.
 
 Based on: J. Chhugani et al.: vLOD, IEEE TVCG 11(1), 2005, section 4 (a consistent level of detail for the whole scene,
 then visibility, then smaller cells where the result is too large).
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.budget import coarsen
+from jobs.cells.budget import coarsen
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.soup import Soup, build_soup
 from storage.cells import octree

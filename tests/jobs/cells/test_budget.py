@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.budget import coarsen, raised_error
+from jobs.cells.budget import coarsen, raised_error
+from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
-from jobs.verify import verify
 from jobs.visibility.engine import CellVisibility
 from storage import open_store
 from storage.base.errors import ParameterError, StoreNotFoundError

@@ -4,8 +4,9 @@ What is checked:
 - every checksum of every shard and of the manifest;
 - every delta across a boundary is consistent with the vLODs of both its cells;
 - every cell's vLOD is part of its cut, and the cut stands for every node once, at an error below the pixel error;
-- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.oracle`), and no fronts
-  of the facets that are not drawn there; in a store made with --sampled or --seal, how many do is measured instead.
+- rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see `jobs.checking.oracle`),
+  and no fronts of the facets that are not drawn there; in a store made with --sampled or --seal, how many do is
+  measured instead.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from jobs.oracle import Oracle, Sight, examine
+from jobs.checking.oracle import Oracle, Sight, examine
 from jobs.running.errors import WorkerLostError
 from storage import open_store
 from storage.base.errors import ParameterError

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.oracle import Oracle, examine, surface_points
+from jobs.checking.oracle import Oracle, examine, surface_points
 
 LO, HI = np.zeros(3), np.ones(3)
 

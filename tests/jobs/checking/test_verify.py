@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jobs.checking.verify import verify
 from jobs.running.errors import WorkerLostError
-from jobs.verify import verify
 from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
 from storage.store import Geometry
@@ -117,6 +117,6 @@ def test_a_worker_that_dies_is_one_clear_error(tmp_path: Path, monkeypatch: pyte
         def shutdown(self, **_: object) -> None: ...
 
     make_store(tmp_path / "store", room_parts(), depth=1)
-    monkeypatch.setattr("jobs.verify.ProcessPoolExecutor", Broken)
+    monkeypatch.setattr("jobs.checking.verify.ProcessPoolExecutor", Broken)
     with pytest.raises(WorkerLostError, match="use fewer --workers"):
         verify(str(tmp_path / "store"), samples=10, cells=4, workers=2)

@@ -282,7 +282,7 @@ def report(folder: Path) -> None:
 
     Reads build.json, verify.json, play.json, further play-*.json for comparison, and frames/.
     """
-    from jobs.page import write_page
+    from jobs.report.page import write_page
 
     page = write_page(folder)
     click.echo(f"{page}: {page.stat().st_size / 1e6:.1f} MB")

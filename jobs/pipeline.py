@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 
 from jobs import plan, stages
-from jobs.build_report import BuildReport, StageReport
 from jobs.parameters import BuildParameters, view_space
+from jobs.report.build_report import BuildReport, StageReport
 from jobs.running.executors import Executor, Then, no_more
 from jobs.running.memory import TASK_MEMORY, MemoryWatch
 from jobs.running.progress import Progress, Silent

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from jobs.checking.verify import verify
-from jobs.page import write_page
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
-from jobs.plots import SHARE_COLOURS, SHARES, box_map, histogram, lines, share_legend, share_map
+from jobs.report.page import write_page
+from jobs.report.plots import SHARE_COLOURS, SHARES, box_map, histogram, lines, share_legend, share_map
 from jobs.running.executors import SerialExecutor
 from storage import open_store
 from storage.base.errors import ParameterError

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from jobs.plots import box_map, histogram, lines, share_legend, share_map
+from jobs.report.plots import box_map, histogram, lines, share_legend, share_map
 from storage import open_store
 from storage.base.errors import ParameterError
 from storage.cli.info import MAY_MISS

@@ -181,7 +181,7 @@ def build(
 
     Finished tasks are kept: after an interrupt, a crash or a change, the same command goes on where it can.
     """
-    from jobs.inputs import total_bytes
+    from jobs.importing.inputs import total_bytes
     from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
     from jobs.running.choose_executor import choose_executor

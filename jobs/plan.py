@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jobs import stages
-from jobs.inputs import content_of
+from jobs.importing.inputs import content_of
 from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
 from jobs.running.errors import MemoryLimitError
@@ -81,7 +81,7 @@ def too_large(task: Task, most: int) -> MemoryLimitError:
 
 def import_task(inputs: Sequence[Path], parameters: BuildParameters) -> Task:
     """The import of a model: keyed by the content of its files. Raises ModelError for inputs that name no model."""
-    from jobs.import_memory import import_memory
+    from jobs.importing.import_memory import import_memory
 
     payload = {
         "files": content_of(inputs),

@@ -21,8 +21,8 @@ from jobs.detail.displacement import snapped
 from jobs.detail.levels import FEWEST, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
 from jobs.detail.pieces import ROUNDING, PieceSet
+from jobs.importing.keeping.saved import turned
 from jobs.importing.model import Model
-from jobs.importing.saved import turned
 from jobs.objects.flat_faces import with_area
 from jobs.objects.weld import compacted, degenerate_triangles, twins, weld
 from storage.meshes.normals import from_octahedral

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jobs.importing.repair import FARTHEST, repair
-from jobs.importing.saved import MeshView, Placement
-from jobs.importing.scene import Defect, SourceScene, Tally, compose
+from jobs.importing.keeping.saved import MeshView, Placement
+from jobs.importing.reading.repair import FARTHEST, repair
+from jobs.importing.reading.scene import Defect, SourceScene, Tally, compose
 from storage.base.errors import ModelError, ParameterError
 from storage.meshes.placement import IDENTITY
 

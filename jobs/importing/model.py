@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.importing.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
+from jobs.importing.keeping.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
 from jobs.running.arrays import mapped_array
 from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
 from storage.model.tables import Grid
 
 if TYPE_CHECKING:
-    from jobs.importing.scene import SourceScene
+    from jobs.importing.reading.scene import SourceScene
 
 __all__ = [
     "MESH",
@@ -43,7 +43,7 @@ Report = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """An imported model, memory-mapped and read-only. Lengths are in model units. See `jobs.importing.saved`.
+    """An imported model, memory-mapped and read-only. Lengths are in model units. See `jobs.importing.keeping.saved`.
 
     Pickles as its path, so it costs nothing to send to another process on the same file system.
     """
@@ -159,8 +159,8 @@ def import_model(
     ModelError, with one line that names the file, for what cannot be used.
     """
     from jobs.importing.join import join_scenes
+    from jobs.importing.keeping.spool import Spool
     from jobs.importing.read import find_files, read_scene
-    from jobs.importing.spool import Spool
 
     options = options or ImportOptions()
     files = find_files(inputs)

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from jobs.importing.content import Content, FileContent
-from jobs.importing.resources import Resources
-from jobs.importing.scene import SourceMesh, SourceScene, UnreadMeshes
+from jobs.importing.reading.content import Content, FileContent
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import SourceMesh, SourceScene, UnreadMeshes
 from storage.base.errors import ModelError
 
 Reader = Callable[[Path, Content, Resources], SourceScene]

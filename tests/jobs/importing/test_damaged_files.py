@@ -140,7 +140,7 @@ def test_a_file_without_permission(tmp_path, monkeypatch):
         def refuse(self, start, end):
             raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr("jobs.importing.content.FileContent.part", refuse)
+        monkeypatch.setattr("jobs.importing.reading.content.FileContent.part", refuse)
     with pytest.raises(ModelError, match="Permission denied"):
         imported(path, tmp_path / "out")
 

@@ -155,7 +155,7 @@ def test_nothing_is_left_when_writing_fails(tmp_path, monkeypatch):
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("jobs.importing.saved._write_whole", full)
+    monkeypatch.setattr("jobs.importing.keeping.saved._write_whole", full)
     with pytest.raises(OSError, match="No space"):
         write_model(tmp_path / "m", [MeshView.of(positions, triangles)])
     assert list(tmp_path.iterdir()) == []

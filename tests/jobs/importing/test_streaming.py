@@ -7,12 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from jobs.importing.content import ContentPart, FileContent, HeldContent
 from jobs.importing.join import join_scenes
+from jobs.importing.keeping.saved import MeshView
+from jobs.importing.keeping.spool import Spool
 from jobs.importing.model import Placement, import_model, open_model, write_model
 from jobs.importing.read import find_files, read_scene
-from jobs.importing.saved import MeshView
-from jobs.importing.spool import Spool
+from jobs.importing.reading.content import ContentPart, FileContent, HeldContent
 from tests.jobs.importing.shapes import Glb, box, imported, terrain
 
 #: What imports gave when models were held whole.
@@ -113,7 +113,7 @@ def test_a_failed_import_leaves_nothing_behind(tmp_path):
 
 
 def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch):
-    from tests.jobs.importing.test_gltf_file import png
+    from tests.jobs.importing.formats.test_gltf_file import png
 
     scene = Glb()
     scene.header["images"], scene.header["textures"] = [], []
@@ -130,7 +130,7 @@ def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch)
         scene.node(mesh=mesh)
     path = scene.write(tmp_path / "model.glb")
     kept = imported(path, tmp_path / "kept")
-    monkeypatch.setattr("jobs.importing.gltf_file.TEXTURES_KEPT", 0)
+    monkeypatch.setattr("jobs.importing.formats.gltf_file.TEXTURES_KEPT", 0)
     assert imported(path, tmp_path / "dropped").digest == kept.digest
     assert len(np.unique(kept.colours, axis=0)) == 4
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.importing.colours import Texture, tint, to_colours
-from jobs.importing.numbers import floats_of
-from jobs.importing.resources import Resources
-from jobs.importing.scene import Defect, Tally
+from jobs.importing.reading.colours import Texture, tint, to_colours
+from jobs.importing.reading.numbers import floats_of
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import Defect, Tally
 
 
 @dataclass(frozen=True, eq=False)

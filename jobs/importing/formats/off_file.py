@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.importing.colours import to_colours
-from jobs.importing.content import Content, whole
-from jobs.importing.corners import split_by_face
-from jobs.importing.numbers import floats_of, rows_of, table_of
-from jobs.importing.resources import Resources
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
+from jobs.importing.reading.colours import to_colours
+from jobs.importing.reading.content import Content, whole
+from jobs.importing.reading.corners import split_by_face
+from jobs.importing.reading.numbers import floats_of, rows_of, table_of
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from jobs.import_memory import import_memory
+from jobs.importing.import_memory import import_memory
 from storage.base.errors import ModelError
 from tests.jobs.importing.shapes import Glb, box, terrain
 

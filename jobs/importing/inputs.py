@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from jobs.importing.resources import Resources
+from jobs.importing.reading.resources import Resources
 from storage.base.errors import ModelError
 
 _LIBRARY = re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE)

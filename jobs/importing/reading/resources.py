@@ -13,7 +13,7 @@ import os
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, unquote_to_bytes
 
-from jobs.importing.content import Content, FileContent, HeldContent
+from jobs.importing.reading.content import Content, FileContent, HeldContent
 
 
 class Resources:

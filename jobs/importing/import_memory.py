@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.importing.content import Content, FileContent
-from jobs.importing.gltf_file import TEXTURES_KEPT, unpack
-from jobs.importing.ply_file import read_header
+from jobs.importing.formats.gltf_file import TEXTURES_KEPT, unpack
+from jobs.importing.formats.ply_file import read_header
+from jobs.importing.inputs import model_files
 from jobs.importing.read import find_files
-from jobs.inputs import model_files
+from jobs.importing.reading.content import Content, FileContent
 
 #: Bytes for each vertex and each triangle of a mesh while it is read, repaired and written.
 VERTEX, TRIANGLE = 290, 110

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.inputs import content_of, model_files
+from jobs.importing.inputs import content_of, model_files
 from storage.base.errors import ModelError
 
 

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.importing.colours import DEFAULT_COLOUR, to_colours
-from jobs.importing.content import Content
-from jobs.importing.corners import unify
-from jobs.importing.numbers import integers_of, rows_of, table_of
-from jobs.importing.obj_materials import Material, read_materials
-from jobs.importing.resources import Resources
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, fan
+from jobs.importing.formats.obj_materials import Material, read_materials
+from jobs.importing.reading.colours import DEFAULT_COLOUR, to_colours
+from jobs.importing.reading.content import Content
+from jobs.importing.reading.corners import unify
+from jobs.importing.reading.numbers import integers_of, rows_of, table_of
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, fan
 from storage.meshes.placement import IDENTITY
 
 _CHUNK = 1 << 23

@@ -18,12 +18,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from jobs.importing.colours import DEFAULT_COLOUR, Texture, tint, to_colours
-from jobs.importing.content import Content, whole
-from jobs.importing.corners import unify
-from jobs.importing.numbers import floats_of
-from jobs.importing.resources import Resources
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose, fan
+from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, tint, to_colours
+from jobs.importing.reading.content import Content, whole
+from jobs.importing.reading.corners import unify
+from jobs.importing.reading.numbers import floats_of
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose, fan
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

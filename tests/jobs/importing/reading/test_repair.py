@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.importing.repair import first_equal, repair
-from jobs.importing.scene import Defect, SourceMesh
+from jobs.importing.reading.repair import first_equal, repair
+from jobs.importing.reading.scene import Defect, SourceMesh
 
 from .shapes import box, terrain
 

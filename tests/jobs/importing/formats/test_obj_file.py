@@ -151,7 +151,7 @@ def test_chunks_do_not_show(tmp_path, monkeypatch):
         if i % 7 == 0:
             lines.append(f"g part {i % 3}")
     whole = obj(tmp_path, "\n".join(lines), "whole.obj")
-    monkeypatch.setattr("jobs.importing.obj_file._CHUNK", 50)
+    monkeypatch.setattr("jobs.importing.formats.obj_file._CHUNK", 50)
     (tmp_path / "other").mkdir()
     pieces = obj(tmp_path / "other", "\n".join(lines), "whole.obj")
     assert whole.digest == pieces.digest

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.importing.content import Content, whole
-from jobs.importing.resources import Resources
-from jobs.importing.scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.content import Content, whole
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import SourceMesh, SourceNode, SourceScene
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.importing.repair import first_equal
-from jobs.importing.scene import SourceMesh
+from jobs.importing.reading.repair import first_equal
+from jobs.importing.reading.scene import SourceMesh
 
 
 def unify(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

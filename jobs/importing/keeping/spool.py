@@ -10,7 +10,7 @@ from typing import Self, overload
 
 import numpy as np
 
-from jobs.importing.saved import COLUMNS, PER_VERTEX, MeshView
+from jobs.importing.keeping.saved import COLUMNS, PER_VERTEX, MeshView
 
 
 class Spool(Sequence[MeshView]):

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from jobs.importing.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
-from jobs.importing.content import Content, ContentPart
-from jobs.importing.resources import Resources
-from jobs.importing.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
+from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
+from jobs.importing.reading.content import Content, ContentPart
+from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

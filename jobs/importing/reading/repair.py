@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.importing.colours import DEFAULT_COLOUR
-from jobs.importing.saved import MeshView
-from jobs.importing.scene import Defect, SourceMesh
+from jobs.importing.keeping.saved import MeshView
+from jobs.importing.reading.colours import DEFAULT_COLOUR
+from jobs.importing.reading.scene import Defect, SourceMesh
 
 #: Positions beyond this are taken for garbage: no model needs them, and their squares stay far from overflow.
 FARTHEST = 1e15

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from jobs.detail.options import DetailOptions
-from jobs.objects.options import Clustering, Limits, ObjectOptions
+from jobs.detail.detail_options import DetailOptions
+from jobs.objects.object_options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
 from storage.base.errors import ParameterError
 from storage.cells.octree import MAX_DEPTH, Octree

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.borders import border_kept, same_places
-from jobs.detail.closest import make_surface
-from jobs.detail.collapse import NO_PAIRS, begin
-from jobs.detail.face_normals import face_normals
-from jobs.detail.hausdorff import hausdorff_bound
+from jobs.detail.bounds.closest import make_surface
+from jobs.detail.bounds.hausdorff import hausdorff_bound
+from jobs.detail.collapsing.borders import border_kept, same_places
+from jobs.detail.collapsing.collapse import NO_PAIRS, begin
+from jobs.detail.collapsing.face_normals import face_normals
+from jobs.detail.collapsing.near_pairs import near_pairs
 from jobs.detail.levels import FLOOR_STEPS, ROUNDING, ROUNDING_STEPS, SLACK, CoarseLevel, Mesh, Simplified, simplified
-from jobs.detail.near_pairs import near_pairs
 from jobs.detail.node import Finest, Level, Locks, Node, Offer, dressed, has_gradients
 from jobs.objects.components import components, outward_closed
 from jobs.objects.weld import OPEN, twins, weld

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.borders import same_places
-from jobs.detail.displacement import snapped
+from jobs.detail.bounds.displacement import snapped
+from jobs.detail.collapsing.borders import same_places
 from jobs.detail.levels import FEWEST, Mesh, coarser_levels
 from jobs.detail.node import Finest, Locks, Node, Offer, dressed, has_gradients, level_of
 from jobs.detail.pieces import ROUNDING, PieceSet

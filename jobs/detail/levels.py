@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.borders import border_kept, same_places
-from jobs.detail.clean import cleaned
-from jobs.detail.closest import Surface, make_surface
-from jobs.detail.collapse import NO_PAIRS, State, begin, collapse, snapshot
-from jobs.detail.hausdorff import hausdorff_bound
+from jobs.detail.bounds.closest import Surface, make_surface
+from jobs.detail.bounds.hausdorff import hausdorff_bound
+from jobs.detail.collapsing.borders import border_kept, same_places
+from jobs.detail.collapsing.clean import cleaned
+from jobs.detail.collapsing.collapse import NO_PAIRS, State, begin, collapse, snapshot
 from jobs.objects.components import outward_closed
 from jobs.objects.weld import NON_MANIFOLD, twins
 from storage.base.kernels import allocating_kernel

@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.attributes import (
+from jobs.detail.bounds.closest import Surface
+from jobs.detail.collapsing.attributes import (
     build_vertices,
     corner_normals,
     sampled_colours,
     take_over_border_normals,
 )
-from jobs.detail.borders import indices_of
-from jobs.detail.closest import Surface
-from jobs.detail.face_normals import face_normals
+from jobs.detail.collapsing.borders import indices_of
+from jobs.detail.collapsing.face_normals import face_normals
 from jobs.detail.levels import CoarseLevel
 from storage.base.kernels import kernel
 

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.detail.attributes import corner_normals, keep_given_normals
-from jobs.detail.displacement import group_maximum, snapped
-from jobs.detail.face_normals import face_normals
-from jobs.detail.options import DetailOptions
+from jobs.detail.bounds.displacement import group_maximum, snapped
+from jobs.detail.collapsing.attributes import corner_normals, keep_given_normals
+from jobs.detail.collapsing.face_normals import face_normals
+from jobs.detail.detail_options import DetailOptions
 from jobs.importing.model import Model
 from jobs.objects.find import Pieces, find_pieces
 from jobs.running.arrays import mapped_array, save_array

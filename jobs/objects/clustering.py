@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.objects.components import find
-from jobs.objects.options import Clustering
+from jobs.objects.object_options import Clustering
 from jobs.objects.tree import Tree, build_tree
 from storage.base.kernels import allocating_kernel
 

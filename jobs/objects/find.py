@@ -8,7 +8,7 @@ import numpy as np
 
 from jobs.objects.components import components, grouped, outward_closed
 from jobs.objects.flat_faces import with_area
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from jobs.objects.partition import boxes, partition
 from jobs.objects.weld import twins, weld
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from jobs.objects.clustering import cluster
 from jobs.objects.components import grouped
-from jobs.objects.options import Limits, ObjectOptions
+from jobs.objects.object_options import Limits, ObjectOptions
 from jobs.objects.partition import divide
 from jobs.objects.tree import Tree, build_tree
 

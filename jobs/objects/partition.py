@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.objects.components import grouped
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from storage.base.kernels import allocating_kernel
 
 #: A split is unbalanced if a side has less than this part of the triangles.

@@ -11,7 +11,7 @@ from jobs.running.tasks import Stage
 
 #: The reading and writing of stores decides what any stage gives.
 _ALL = ("jobs.stages", "jobs.running.arrays", "storage")
-_DETAIL = (*_ALL, "jobs.assemble", "jobs.importing", "jobs.objects", "jobs.detail")
+_DETAIL = (*_ALL, "jobs.detail.assemble", "jobs.importing", "jobs.objects", "jobs.detail")
 _CELLS = (*_ALL, "jobs.cells.subtree", "jobs.cells.budget", "jobs.visibility", "jobs.objects.weld")
 
 IMPORT = Stage("import", "jobs.stages.model:import_files", (*_ALL, "jobs.importing"), ("numpy", "trimesh"))

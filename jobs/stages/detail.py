@@ -17,7 +17,7 @@ from jobs.stages import NODES, PIECES, SHARED, TABLES
 from jobs.stages.model import Shapes, detail_options, imported_model
 
 if TYPE_CHECKING:
-    from jobs.assemble import Placed
+    from jobs.detail.assemble import Placed
     from jobs.detail.leaf import Member
     from jobs.detail.node import Node, Offer
     from jobs.detail.pieces import PieceSet
@@ -28,7 +28,7 @@ SECTION = "geometry.json"
 
 def make_shared(work: Assignment) -> dict[str, Any]:
     """Levels of instanced pieces that stay shared, the nodes of all their placements, and what these offer."""
-    from jobs.assemble import Placement, place_levels
+    from jobs.detail.assemble import Placement, place_levels
     from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
     from jobs.detail.offers import affordable, save_offers
 
@@ -63,7 +63,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
 
 def make_nodes(work: Assignment) -> dict[str, Any]:
     """The nodes of a fragment of the tree, from its leaves up to its root, and what the root offers."""
-    from jobs.assemble import Placement, place_levels
+    from jobs.detail.assemble import Placement, place_levels
     from jobs.detail.inner import make_inner
     from jobs.detail.leaf import MOST_LEVELS, Member, gather, make_leaf, place_offer
     from jobs.detail.offers import load_offers, save_offers
@@ -150,7 +150,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 
 def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all tasks on detail to the model's tables and the manifest's section on geometry."""
-    from jobs.assemble import join_nodes
+    from jobs.detail.assemble import join_nodes
     from storage.model.tables import INSTANCE, PART
     from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
@@ -205,7 +205,7 @@ class _Output:
 
     def write(self, made: Iterator[tuple[int, Node]]) -> dict[str, Any]:
         """Writes the levels of all nodes, and the rows; returns the task's record."""
-        from jobs.assemble import make_rows
+        from jobs.detail.assemble import make_rows
         from storage.writer import write_geometry_shard
 
         levels = (

@@ -14,9 +14,9 @@ from jobs.running.workplace import Workplace
 from jobs.stages import HIERARCHY, IMPORT, PIECES
 
 if TYPE_CHECKING:
-    from jobs.detail.options import DetailOptions
+    from jobs.detail.detail_options import DetailOptions
     from jobs.importing.model import Model
-    from jobs.objects.options import ObjectOptions
+    from jobs.objects.object_options import ObjectOptions
 
 
 def import_files(work: Assignment) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def find_pieces(work: Assignment) -> dict[str, Any]:
 
 def make_hierarchy(work: Assignment) -> dict[str, Any]:
     """All placed pieces to objects, and the tree above them."""
-    from jobs.assemble import largest_stretch
+    from jobs.detail.assemble import largest_stretch
     from jobs.objects.hierarchy import PLACED, build_hierarchy
 
     model = imported_model(work.place, work.places["import"])
@@ -142,8 +142,8 @@ class Shapes:
 
 def detail_options(payload: Json) -> DetailOptions:
     """Options of detail from a task's payload."""
-    from jobs.detail.options import DetailOptions
-    from jobs.objects.options import Limits
+    from jobs.detail.detail_options import DetailOptions
+    from jobs.objects.object_options import Limits
 
     values = dict(payload)
     return DetailOptions(partition=Limits(**values.pop("partition")), **values)
@@ -151,7 +151,7 @@ def detail_options(payload: Json) -> DetailOptions:
 
 def object_options(payload: Json) -> ObjectOptions:
     """Options of objects from a task's payload."""
-    from jobs.objects.options import Clustering, Limits, ObjectOptions
+    from jobs.objects.object_options import Clustering, Limits, ObjectOptions
 
     return ObjectOptions(clustering=Clustering(**payload["clustering"]), again=Limits(**payload["again"]))
 

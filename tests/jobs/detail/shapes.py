@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.detail.closest import Surface, make_surface
+from jobs.detail.bounds.closest import Surface, make_surface
+from jobs.detail.detail_options import DetailOptions
 from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
 from jobs.detail.node import Level, Node, Offer
-from jobs.detail.options import DetailOptions
 from jobs.detail.pieces import make_pieces
 from jobs.importing.keeping.saved import MeshView, Placement, write_model
 from jobs.importing.model import Model, open_model
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from jobs.objects.weld import twins
 
 Shape = tuple[np.ndarray, np.ndarray]

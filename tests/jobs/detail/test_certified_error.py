@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.closest import closest, distance2
-from jobs.detail.hausdorff import hausdorff_bound, one_sided_bound
+from jobs.detail.bounds.closest import closest, distance2
+from jobs.detail.bounds.hausdorff import hausdorff_bound, one_sided_bound
 from storage.model.tables import GRID_LIMIT
 from tests.jobs.detail.sampling import distances, measured, sample
 from tests.jobs.detail.shapes import (

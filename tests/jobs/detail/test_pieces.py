@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jobs.detail.face_normals import arc_cosine, face_normals
+from jobs.detail.collapsing.face_normals import arc_cosine, face_normals
+from jobs.detail.detail_options import DetailOptions
 from jobs.detail.node import Level
-from jobs.detail.options import DetailOptions
 from jobs.detail.pieces import make_pieces, plan_chunks
 from jobs.importing.model import Placement
 from jobs.objects.components import outward_closed
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from jobs.objects.weld import twins, weld
 from storage.base.errors import ParameterError
 from storage.model.tables import GRID_LIMIT

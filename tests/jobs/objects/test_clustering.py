@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jobs.objects.clustering import cluster, join_clusters, near_pairs
-from jobs.objects.options import Clustering
+from jobs.objects.object_options import Clustering
 from jobs.objects.tree import build_tree
 from storage.base.errors import ParameterError
 

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jobs.objects.components import components, outward_closed
 from jobs.objects.find import Pieces, find_pieces
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from jobs.objects.partition import divide, too_much
 from jobs.objects.weld import NON_MANIFOLD, OPEN, degenerate_triangles, is_degenerate, twins, weld
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from jobs.objects.fragments import plan_fragments
 from jobs.objects.hierarchy import MERGED_TRIANGLES, PLACED, build_hierarchy
-from jobs.objects.options import Clustering, ObjectOptions
+from jobs.objects.object_options import Clustering, ObjectOptions
 from jobs.objects.tree import OBJECT_WEIGHT, build_tree
 
 

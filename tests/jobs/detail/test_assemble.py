@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.assemble import float32_down, float32_up, largest_stretch
+from jobs.detail.assemble import float32_down, float32_up, largest_stretch
 from jobs.importing.model import MeshView, Placement, open_model, write_model
 from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_levels

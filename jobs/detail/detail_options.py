@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from jobs.objects.options import Limits
+from jobs.objects.object_options import Limits
 from storage.base.errors import ParameterError
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.cover import covered
-from jobs.detail.hausdorff import hausdorff_bound, point_distances
+from jobs.detail.bounds.cover import covered
+from jobs.detail.bounds.hausdorff import hausdorff_bound, point_distances
 from tests.jobs.detail.sampling import distances, sample
 from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, surface_of, torus
 

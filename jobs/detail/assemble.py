@@ -192,7 +192,7 @@ def _placed_box(
     """Write the box lo, hi (3,) of a placed mesh, of whose vertices each is used.
 
     positions (n, 3) int32 times scale, moved by a matrix (3, 4) if `moved`, lie on the grid of `step` as the store
-    gives them out (storage.model.tables: `transform_points`, `Grid.snap`).
+    gives them out (storage.meshes.placement: `transform_points`, `Grid.snap`).
     """
     for i in range(3):
         lo[i], hi[i] = np.inf, -np.inf

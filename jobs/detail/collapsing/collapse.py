@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.closest import closest_weights
+from jobs.detail.bounds.closest import closest_weights
 from jobs.objects.weld import OPEN
 from storage.base.kernels import allocating_kernel, kernel
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.clean import cleaned
-from jobs.detail.collapse import NO_PAIRS, begin, collapse, snapshot
-from jobs.detail.near_pairs import near_pairs
+from jobs.detail.collapsing.clean import cleaned
+from jobs.detail.collapsing.collapse import NO_PAIRS, begin, collapse, snapshot
+from jobs.detail.collapsing.near_pairs import near_pairs
 from jobs.objects.components import components
 from jobs.objects.weld import twins, weld
 from tests.jobs.detail.sampling import sample

@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.closest import Surface, closest, distance2
-from jobs.detail.cover import covered
-from jobs.detail.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
+from jobs.detail.bounds.closest import Surface, closest, distance2
+from jobs.detail.bounds.cover import covered
+from jobs.detail.bounds.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
 from storage.base.kernels import allocating_kernel, kernel
 
 #: Of the finer surface's points, one in so many is looked up to begin with.

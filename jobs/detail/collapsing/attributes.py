@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.detail.closest import Surface, closest, closest_weights
-from jobs.detail.face_normals import arc_cosine
+from jobs.detail.bounds.closest import Surface, closest, closest_weights
+from jobs.detail.collapsing.face_normals import arc_cosine
 from jobs.objects.components import find, unite
 from jobs.objects.weld import mix, table_size
 from storage.base.kernels import allocating_kernel

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.detail.closest import SLIM, Surface, closest, distance2
+from jobs.detail.bounds.closest import SLIM, Surface, closest, distance2
 from storage.base.kernels import allocating_kernel, kernel
 
 #: Polygons with this many corners are halved instead of being cut along a triangle's edges.

@@ -17,7 +17,7 @@ import numpy as np
 
 from jobs.cells.budget import coarsen
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
-from jobs.visibility.soup import Soup, build_soup
+from jobs.visibility.surfaces.soup import Soup, build_soup
 from storage.cells import octree
 from storage.cells.octree import Octree
 from storage.model.cut import UNBOUNDED, choose_cut, possible_drawables

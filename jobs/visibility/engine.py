@@ -9,14 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.visibility import aimed_rays, closing_sets, item_buffer, mesh, occludees, occluders, ray_tree, undecided
-from jobs.visibility.clusters import make_clusters
-from jobs.visibility.layers import clear_layers
+from jobs.visibility.flooding import occludees, occluders
+from jobs.visibility.flooding.seals import ROWS, UNKNOWN, Seals
+from jobs.visibility.images.layers import clear_layers
+from jobs.visibility.images.raster import LANES
 from jobs.visibility.methods import METHODS
-from jobs.visibility.raster import LANES
-from jobs.visibility.seals import ROWS, UNKNOWN, Seals
-from jobs.visibility.shrunk_occluders import ShrunkOccluders
-from jobs.visibility.soup import Soup
+from jobs.visibility.proof import aimed_rays, item_buffer
+from jobs.visibility.shafts import closing_sets, undecided
+from jobs.visibility.shrunk.shrunk_occluders import ShrunkOccluders
+from jobs.visibility.surfaces import ray_tree, seen_mesh
+from jobs.visibility.surfaces.clusters import make_clusters
+from jobs.visibility.surfaces.soup import Soup
 
 #: The corners of the cell, those of a tetrahedron first.
 PROOF_CORNERS = (
@@ -126,7 +129,7 @@ class Engine:
         """Take the triangles that the cells of the task share; `images`: another engine's, see `on`."""
         self.soup = soup
         self.settings = settings
-        self._mesh = mesh.make_mesh(
+        self._mesh = seen_mesh.make_mesh(
             soup.vertices, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
             soup.triangle_drawable, soup.one_sided, ROWS if soup.gaps else 0,
         )  # fmt: skip
@@ -186,7 +189,7 @@ class Engine:
         centre = 0.5 * (lo + hi)
         # grown by far more than rounding, so that the cell is inside what is worked with
         half = 0.5 * (hi - lo) * (1 + 1e-9) + 1e-6
-        mesh.begin(self._mesh, places, centre, half)
+        seen_mesh.begin(self._mesh, places, centre, half)
         glimpses: _Glimpses | None = None
         if most_triangles is not None and soup.triangle_counts[places].sum() > most_triangles:
             # seeing too much already is quicker to find out than how much too much

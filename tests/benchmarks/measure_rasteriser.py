@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jobs.visibility.raster import LANES, draw_triangles
+from jobs.visibility.images.raster import LANES, draw_triangles
 from tests.benchmarks.measure_visibility import Case
 
 FACE = 4

@@ -26,7 +26,7 @@ import numpy as np
 
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
-from jobs.visibility.soup import build_soup
+from jobs.visibility.surfaces.soup import build_soup
 from storage.model.cut import cut_within
 from storage.store import Geometry
 from tests.benchmarks.models import model_file

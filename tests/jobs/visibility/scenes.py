@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.soup import Soup, build_soup
+from jobs.visibility.surfaces.soup import Soup, build_soup
 
 Mesh = tuple[np.ndarray, np.ndarray]
 

@@ -12,7 +12,7 @@ import pytest
 
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
-from jobs.visibility.soup import Soup
+from jobs.visibility.surfaces.soup import Soup
 
 from .scenes import Mesh, box, rooms, sheet, soup_of
 

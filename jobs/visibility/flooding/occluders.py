@@ -1,0 +1,290 @@
+"""Flooded occluder sets, drawn into the depth buffers around a view cell.
+
+Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian, D. Johnson, S. Kumar: vLOD:
+High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
+one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
+
+**Safe edges.** For a triangle t and the cell V, its side (see `mesh`) is +1 or -1 where V lies strictly on one side of
+t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge,
+this side.
+So an edge is safe for V and a set S of triangles that do not meet V if two of its triangles in S have opposite
+side times direction: they lie strictly on opposite sides of the edge as seen from every p in V.
+
+**Theorem.** Let x not lie on S, p0 in V, and the segment p0-x cross a triangle of S. If no point of an unsafe edge of S
+lies in any triangle (p0, p, x) with p in V, then S hides x from all of V. *Proof.* Slide p away from p0 and count the
+triangles of S that the segment p-x crosses. The count changes only where the segment passes over an edge: p never
+touches S, and x is not on S. Past a safe edge the segment meets one of its two opposite triangles, so the count is at
+least one; unsafe edges are never met; the count began at one or more. (Passing through a vertex is avoided by moving
+p a little: an open segment that is free of S stays free nearby.)
+
+So for one set S and one pixel: if a point of the pixel (its centre, but for rounding) lies in the image of a triangle
+of S and no inflated unsafe edge touches the pixel (see `cube_faces`), then every x whose image lies in the pixel and
+which is deeper than all triangles of S that touch the pixel is hidden. The whole pixel is covered, since coverage can
+only end at an unsafe edge, whose image lies inside its inflated image. Results of any number of sets are united: the
+nearest depth wins.
+
+Each S is *flooded* from a small core, for the pixels whose centres the core covers: a safe edge is crossed only if its
+inflated image touches these pixels' rectangle. Edges that do not cannot spoil a pixel in it, safe or not.
+
+**Limits.** Inflation is less for occludees that are not far behind, so each pixel hides what is deeper than the set but
+not deeper than a limit: the least depth at which an unsafe edge spoils the pixel (see `silhouettes`); see `layers` for
+how the pixels of all sets are kept.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jobs.visibility.flooding.flood import Images, core_window, flood_from, grow_core
+from jobs.visibility.flooding.front_to_back import Queue, begin_queue, make_queue, next_cluster
+from jobs.visibility.flooding.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
+from jobs.visibility.images.layers import add_layer, pixel_hides
+from jobs.visibility.images.raster import LANES, draw_triangles
+from jobs.visibility.images.silhouettes import lower_limits
+from jobs.visibility.surfaces.clusters import Clusters
+from jobs.visibility.surfaces.gaps import MOST
+from jobs.visibility.surfaces.seen_mesh import Mesh, may_occlude
+from storage.base.kernels import allocating_kernel, kernel
+
+#: Marks are cleared once so many floods have been counted: they fit int32, whatever a cell adds.
+MOST_EPOCHS = 1 << 30
+
+
+class Work(NamedTuple):
+    """What occluders are drawn in, cell by cell. Epochs count floods and faces; they only grow."""
+
+    epoch: np.ndarray  # (1,) int64 the last one
+    images: Images  # of the vertices; those that are known have the epoch of the face
+    cored: np.ndarray  # (m,) int32 the epoch of the last face on which a triangle belonged to a core
+    seen: np.ndarray  # (m,) int32 the epoch of the last flood that took a triangle in
+    core: np.ndarray  # (largest cluster,) int32
+    flood: np.ndarray  # (largest set,) int32
+    drawn: np.ndarray  # (largest set,) int32
+    unsafe: np.ndarray  # (3 largest set, 2) int32
+    polygon: np.ndarray  # (4, 2) float64
+    sweep: np.ndarray  # (4, 4) float64
+    limit: np.ndarray  # (r, r + LANES) float32
+    inverse: np.ndarray  # (r, r + LANES) float32 one over the depth of the set in each pixel
+    rows: np.ndarray  # (r, 2) int32
+    sealing: Sealing  # none of these three where no gaps count as closed
+    strips: np.ndarray  # (r, r + LANES) float32 as `inverse`, of the strips in gaps
+    beyond: np.ndarray  # the same of the triangles that count only behind strips
+    in_order: np.ndarray  # (ROWS,) int32 0, 1, 2 ...
+    queue: Queue
+
+
+def make_work(vertices: int, cluster_start: np.ndarray, largest_set: int, resolution: int, sealed: bool) -> Work:
+    """What occluders are drawn in, for any number of cells.
+
+    Args:
+        vertices: how many; cluster_start: (k + 1,) int32.
+        largest_set: most triangles in a flooded set.
+        resolution: pixels along the edge of a face.
+        sealed: whether gaps may count as closed.
+    """
+    m, r = int(cluster_start[-1]), resolution
+    n, most, rows, side = (vertices, 3 * largest_set, ROWS, r) if sealed else (0, 0, 0, 0)
+    return Work(
+        np.zeros(1, np.int64),
+        Images(np.zeros(vertices, np.int32), np.empty((vertices, 6), np.float64), np.empty(vertices, np.bool_)),
+        np.zeros(m, np.int32), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
+        np.empty(largest_set, np.int32), np.empty(largest_set, np.int32), np.empty((3 * largest_set, 2), np.int32),
+        np.empty((4, 2)), np.empty((4, 4)), _image(r), _image(r), np.empty((r, 2), np.int32),
+        Sealing(
+            np.empty((most, 2), np.int32), np.zeros((n, 4), np.int32), np.empty((MOST, 2)), np.empty(MOST, np.int64),
+            np.empty(rows, np.int64), np.empty((rows, 3), np.int32), np.empty(3),
+        ),
+        _image(side), _image(side), np.arange(rows, dtype=np.int32), make_queue(len(cluster_start) - 1),
+    )  # fmt: skip
+
+
+def _image(resolution: int) -> np.ndarray:
+    return np.empty((resolution, resolution + LANES), np.float32)
+
+
+@allocating_kernel()
+def forget_marks(work: Work) -> None:
+    """Clear the marks where so many floods have been counted that they would not fit soon."""
+    if work.epoch[0] > MOST_EPOCHS:
+        work.epoch[0] = 0
+        work.images.known[:] = 0
+        work.cored[:] = 0
+        work.seen[:] = 0
+        work.sealing.ends[:] = 0
+
+
+@kernel()
+def farthest_of(mesh: Mesh, lo: np.ndarray, hi: np.ndarray, places: np.ndarray) -> float:
+    """How deep anything of the cut is on any face, in cell coordinates.
+
+    Args:
+        mesh: the triangles, as the cell sees them.
+        lo, hi: (drawables, 3) float64 their boxes in grid units, lo > hi where a drawable has no triangles.
+        places: (c,) int64 the drawables of the cut.
+    """
+    far = 0.0
+    for d in places:
+        if lo[d, 0] <= hi[d, 0]:
+            for k in range(3):
+                far = max(far, (mesh.centre[k] - lo[d, k]) / mesh.half[k], (hi[d, k] - mesh.centre[k]) / mesh.half[k])
+    return far
+
+
+@kernel()
+def cover(
+    mesh: Mesh,
+    clusters: Clusters,
+    work: Work,
+    farthest: float,
+    smallest_window: int,
+    layers: np.ndarray,
+    seals: Seals,
+) -> tuple[int, int, int]:
+    """Draw the occlusion of all triangles of the cut, nearest clusters first, into layers.
+
+    Args:
+        mesh: the triangles, as the cell sees them.
+        clusters: of the triangles: the cores of the floods.
+        work: see `make_work`.
+        farthest: nothing is deeper, on any face; a value of float32.
+        smallest_window: cores whose image has fewer pixels on a face are not tried there.
+        layers: (6, r, r, k, 2) float32, cleared before; receives what is hidden, see `layers`.
+        seals: gaps at which floods go on; where there are none, nothing is approximate. Else only sets that close some
+            are drawn, and `mesh.q` has seals.ROWS rows more than there are vertices.
+
+    Returns:
+        (cores drawn, triangles flooded, pixels covered): counts for profiling.
+    """
+    resolution = layers.shape[2]
+    images, cored, seen, core, queue = work.images, work.cored, work.seen, work.core, work.queue
+    flood, drawn, unsafe, polygon, sweep = work.flood, work.drawn, work.unsafe, work.polygon, work.sweep
+    limit, inverse, rows, sealing = work.limit, work.inverse, work.rows, work.sealing
+    strips, beyond, in_order = work.strips, work.beyond, work.in_order
+    sealed = seals.near.shape[0] > 0
+    epoch = work.epoch[0]
+    n_core_strips, n_strips = 0, 0
+    q, triangles = mesh.q, mesh.triangles
+    cores, flooded, pixels = 0, 0, 0
+    for face in range(6):
+        epoch += 1
+        mark = epoch
+        waiting = begin_queue(clusters, mesh, face, resolution, queue)
+        while True:
+            c, waiting = next_cluster(clusters, mesh, face, layers, queue, waiting)
+            if c < 0:
+                break
+            first, last = clusters.start[c], clusters.start[c + 1]
+            for seed in range(first, last):
+                if cored[seed] >= mark or not may_occlude(mesh, seed):
+                    continue
+                n_core = grow_core(mesh, seed, first, last, mark, cored, core)
+                n_core = min(n_core, flood.shape[0])
+                found, i0, i1, j0, j1, near = core_window(q, triangles, core, n_core, face, resolution, polygon)
+                if sealed:
+                    n_core_strips = core_strips(mesh, seals, sealing, core, n_core, seen)
+                    beside, k0, k1, l0, l1, near_beside = core_window(
+                        q, sealing.strips, in_order, n_core_strips, face, resolution, polygon
+                    )
+                    if found and beside:
+                        i0, i1, j0, j1 = min(i0, k0), max(i1, k1), min(j0, l0), max(j1, l1)
+                        near = min(near, near_beside)
+                if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
+                    continue
+                if not _open_pixels(layers, face, i0, i1, j0, j1, near, inverse, limit):
+                    continue
+                window = (i0, i1, j0, j1)
+                draw_triangles(q, triangles, core[:n_core], face, window, polygon, True, farthest, inverse, limit)
+                strips_of_core = in_order[:n_core_strips]
+                draw_triangles(q, sealing.strips, strips_of_core, face, window, polygon, True, farthest, inverse, limit)
+                i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
+                if i0 > i1:
+                    continue
+                epoch += 1
+                if sealed:
+                    n_flood, n_sure, n_drawn, n_unsafe, n_strips = flood_sealed(
+                        mesh, images, seals, sealing, core, n_core, n_core_strips, face, mark, resolution,
+                        farthest, max(near, 1.5), (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
+                    )  # fmt: skip
+                else:
+                    n_flood, n_drawn, n_unsafe = flood_from(
+                        mesh, images, core, n_core, face, mark, resolution, farthest, max(near, 1.5),
+                        (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
+                    )  # fmt: skip
+                    n_sure = n_drawn
+                flooded += n_flood
+                cores += 1
+                if n_unsafe < 0:
+                    continue
+                window = (i0, i1, j0, j1)
+                draw_triangles(q, triangles, drawn[:n_sure], face, window, polygon, False, farthest, inverse, limit)
+                if n_strips > 0:
+                    _clear(strips, i0, i1, j0, j1)
+                    _clear(beyond, i0, i1, j0, j1)
+                    closing = in_order[:n_strips]
+                    draw_triangles(q, sealing.strips, closing, face, window, polygon, False, farthest, strips, limit)
+                    unsure = drawn[n_sure:n_drawn]
+                    draw_triangles(q, triangles, unsure, face, window, polygon, False, farthest, beyond, limit)
+                    for j in range(j0, j1 + 1):
+                        for i in range(i0, i1 + 1):
+                            if strips[j, i] < np.inf:
+                                inverse[j, i] = min(inverse[j, i], strips[j, i], beyond[j, i])
+                if not lower_limits(
+                    q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, inverse, limit
+                ):
+                    continue
+                for j in range(j0, j1 + 1):
+                    for i in range(rows[j, 0], rows[j, 1] + 1):
+                        if limit[j, i] > 0.0:
+                            pixels += 1
+                            all_depths = limit[j, i] >= farthest
+                            add_layer(layers, face, j, i, 1.0 / inverse[j, i], np.inf if all_depths else limit[j, i])
+    work.epoch[0] = epoch
+    return cores, flooded, pixels
+
+
+@kernel()
+def _open_pixels(
+    layers: np.ndarray,
+    face: int,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    near: float,
+    inverse: np.ndarray,
+    limit: np.ndarray,
+) -> bool:
+    """Whether a window has pixels where not all that is deeper than `near` is hidden yet.
+
+    inverse: receives infinity in the window; limit: receives 0 in those pixels, -1 in the others.
+    """
+    found = False
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            hidden = pixel_hides(layers, face, j, i, near, np.inf)
+            limit[j, i] = -1.0 if hidden else 0.0
+            inverse[j, i] = np.inf
+            found |= not hidden
+    return found
+
+
+@kernel()
+def _clear(inverse: np.ndarray, i0: int, i1: int, j0: int, j1: int) -> None:
+    """Nothing is drawn in a window of an image."""
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            inverse[j, i] = np.inf
+
+
+@kernel()
+def _covered_window(i0: int, i1: int, j0: int, j1: int, limit: np.ndarray) -> tuple[int, int, int, int]:
+    """The part of a window where `limit` is positive; the first above the second where there is none."""
+    least_i, most_i, least_j, most_j = i1 + 1, i0 - 1, j1 + 1, j0 - 1
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if limit[j, i] > 0.0:
+                least_i, most_i = min(least_i, i), max(most_i, i)
+                least_j, most_j = min(least_j, j), max(most_j, j)
+    return least_i, most_i, least_j, most_j

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.scenes import street
-from jobs.scenes.furnishings import FURNISHINGS
-from jobs.scenes.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
-from jobs.scenes.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z, vec
-from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things import street
+from jobs.scenes.things.furnishings import FURNISHINGS
+from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
+from jobs.scenes.things.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z, vec
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = FURNISHINGS | street.RECIPES
 BLOCK, STREET = 56.0, 12.0  # metres: a block with its pavements, a street between kerbs

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.scenes.furnishings import FURNISHINGS
-from jobs.scenes.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
-from jobs.scenes.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, vec
-from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things.furnishings import FURNISHINGS
+from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
+from jobs.scenes.things.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, vec
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = FURNISHINGS
 STOREY_TRIANGLES = 60_000  # aimed at per storey

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.scenes import equipment
-from jobs.scenes.solids import (
+from jobs.scenes.things import equipment
+from jobs.scenes.things.solids import (
     Floats,
     Mesh,
     beams,
@@ -29,7 +29,7 @@ from jobs.scenes.solids import (
     turn_z,
     vec,
 )
-from jobs.scenes.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
 
 RECIPES = equipment.RECIPES
 LENGTH, DEPTH, HEIGHT = 36.0, 24.0, 9.0  # of a hall: between the walls' outer faces, and the clear height

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jobs.scenes import city, offices, plant
-from jobs.scenes.glb import GlbWriter, y_up
-from jobs.scenes.stage import Progress, Recipe, Stage, Walk
+from jobs.scenes.things.glb import GlbWriter, y_up
+from jobs.scenes.things.stage import Progress, Recipe, Stage, Walk
 from storage.base.errors import ParameterError
 
 MINIMUM_TRIANGLES = 20_000

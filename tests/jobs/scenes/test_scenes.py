@@ -156,7 +156,7 @@ def test_what_cannot_be_made_is_refused(
 
 
 def test_a_scene_beyond_the_limit_of_glb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jobs.scenes.glb.GLB_LIMIT", 300_000)
+    monkeypatch.setattr("jobs.scenes.things.glb.GLB_LIMIT", 300_000)
     with pytest.raises(ParameterError, match="fewer triangles"):
         write_scene("plant", tmp_path / "plant.glb", 100_000, 1)
     assert list(tmp_path.iterdir()) == []

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from jobs.scenes.solids import (
+from jobs.scenes.things.solids import (
     Mesh,
     beams,
     blob,
@@ -20,7 +20,7 @@ from jobs.scenes.solids import (
     turn_z,
     turned_boxes,
 )
-from jobs.scenes.stage import Recipe
+from jobs.scenes.things.stage import Recipe
 
 Pairs = list[tuple[Mesh, str]]
 

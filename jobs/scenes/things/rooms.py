@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.scenes.furnishings import BOOK_CAPACITY, BOOK_VARIANTS, books
-from jobs.scenes.solids import turn_z
-from jobs.scenes.stage import Point, Stage
+from jobs.scenes.things.furnishings import BOOK_CAPACITY, BOOK_VARIANTS, books
+from jobs.scenes.things.solids import turn_z
+from jobs.scenes.things.stage import Point, Stage
 
 STOREY, CLEAR = 3.5, 3.25  # metres floor to floor, floor to ceiling
 OUTER, INNER = 0.25, 0.125  # metres, thickness of outer and inner walls

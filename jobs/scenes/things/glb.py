@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jobs.scenes.solids import Mesh
+from jobs.scenes.things.solids import Mesh
 from storage.base.errors import ParameterError
 
 POSITION_STEPS = 2.0**14  # positions are rounded to 1/2^14 m: the same bytes whatever the machine's sine and cosine

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.scenes.furnishings import Pairs, blocks
-from jobs.scenes.solids import (
+from jobs.scenes.things.furnishings import Pairs, blocks
+from jobs.scenes.things.solids import (
     Floats,
     Mesh,
     boxes,
@@ -21,7 +21,7 @@ from jobs.scenes.solids import (
     turned_boxes,
     vec,
 )
-from jobs.scenes.stage import Recipe
+from jobs.scenes.things.stage import Recipe
 
 X_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # turns z to x, x to y, y to z
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.scenes.glb import GlbWriter
-from jobs.scenes.solids import Mesh
+from jobs.scenes.things.glb import GlbWriter
+from jobs.scenes.things.solids import Mesh
 
 Progress = Callable[[int, int], None]
 Recipe = Callable[[], list[tuple[Mesh, str]]]  # makes the (mesh, material name) pairs of one thing

@@ -131,9 +131,9 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
 
     In the window, press H for the keys. Where no cells were computed, the model is culled at run time.
     """
-    from player.path import read_path
+    from player.camera.path import read_path
     from player.scene import scene_of
-    from player.tour import make_tour, survey
+    from player.tour.tour import make_tour, survey
     from player.walkthrough import Settings
     from storage.store import open_store
 
@@ -164,7 +164,7 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
     for name in ("frames", "report", "as_json", "compare", "fps"):
         if options[name]:
             raise click.UsageError(f"--{name.removeprefix('as_')} needs --headless")
-    from player.window import WindowOptions, run
+    from player.shells.window import WindowOptions, run
 
     known = survey(scene)
     run(
@@ -193,9 +193,9 @@ def path(context: click.Context, /, store: str, output: Path | None, frames: int
 
     The tour keeps clear of surfaces, stays in computed cells where there are any, and looks ahead.
     """
-    from player.path import path_text, write_path
+    from player.camera.path import path_text, write_path
     from player.scene import scene_of
-    from player.tour import make_tour, survey
+    from player.tour.tour import make_tour, survey
     from storage.store import open_store
 
     _tell_of_compiling(context)
@@ -216,7 +216,7 @@ def _tell_of_compiling(context: click.Context) -> None:
 
 
 def _screen(scene: Any, options: dict[str, Any]) -> Any:
-    from player.headless import Screen
+    from player.shells.headless import Screen
 
     field = options["field_of_view"] or float(scene.store.manifest.parameters.get("field_of_view", 60.0))
     width, height = options["size"]
@@ -225,8 +225,8 @@ def _screen(scene: Any, options: dict[str, Any]) -> Any:
 
 def _play_headless(scene: Any, path: Any, settings: Any, options: dict[str, Any]) -> bool:
     """Renders, writes and prints what was asked for; False if the comparison failed."""
-    from player.headless import play as render_path
-    from player.headless import write_report
+    from player.shells.headless import play as render_path
+    from player.shells.headless import write_report
 
     with _Bar() as bar:
         report = render_path(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from player.view import Boxes, boxes_between
+from player.camera.view import Boxes, boxes_between
 from storage.model.tree import leaves, parents
 from storage.store import Store
 

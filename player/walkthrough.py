@@ -10,19 +10,19 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import Vector, View, looking
 from player.colours import Colours, tints
-from player.packs import Packs
+from player.loading.packs import Packs
+from player.loading.stand_ins import stand_ins
 from player.renderer.context import Abilities
 from player.renderer.draw_list import draw_tables
 from player.renderer.renderer import Renderer, Style
 from player.renderer.target import Target
 from player.scene import Scene
-from player.stand_ins import stand_ins
 from player.strategies.frustum import Frustum
 from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
-from player.view import Vector, View, looking
 from storage.model.cut import cut_within
 
 StrategyName = Literal["vlod", "frustum", "none"]

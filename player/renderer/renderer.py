@@ -10,13 +10,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import View, normalised, up_vector
 from player.renderer import draw_list, instances, shaders
 from player.renderer.arena import Arena
 from player.renderer.context import Abilities, use_depth_range
 from player.renderer.draw_list import DrawList, DrawTables
 from player.renderer.facets import CellBox, FacetTable
 from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
-from player.view import View, normalised, up_vector
 
 
 @dataclass(frozen=True)

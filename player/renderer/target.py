@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import View
 from player.renderer.context import depth_buffer
-from player.view import View
 
 
 class Target:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import Boxes, Vector, View, boxes_in_frustum
 from player.scene import Scene
 from player.strategies.strategy import Choice
-from player.view import Boxes, Vector, View, boxes_in_frustum
 from storage.model.cut import Wanted, box_distance, choose_cut
 
 #: The surroundings are chosen anew when the eye has moved by this part of the model's diagonal.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import Vector, View
 from player.scene import Scene
 from player.strategies.strategy import Choice
-from player.view import Vector, View
 
 
 class NoCulling:

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import Vector, View
 from player.renderer.facets import CellBox
-from player.view import Vector, View
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from player.prefetch import Loader
+from player.camera.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
+from player.loading.prefetch import Loader
 from player.renderer.facets import CellBox
 from player.scene import Scene
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
-from player.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from storage.cells.deltas import apply
 from storage.model.cut import choose_cut
 from storage.model.tree import overlapping

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from jobs.checking.oracle import Oracle
-from player.view import View
+from player.camera.view import View
 from storage.store import Geometry
 
 #: Embree's single precision lets rays slip between triangles that meet along an edge. A miss counts only if in double

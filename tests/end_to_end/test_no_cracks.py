@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from jobs.scenes import write_scene
-from player.view import Boxes, View, boxes_between, boxes_in_frustum, looking
+from player.camera.view import Boxes, View, boxes_between, boxes_in_frustum, looking
 from storage.model.cut import choose_cut, cut_within, pixel_angle
 from storage.model.tree import leaves
 from storage.store import Geometry

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from player.camera.view import View
 from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.renderer.text import TextOverlay
 from player.scene import Scene, scene_of
-from player.view import View
 from player.walkthrough import Settings, Walkthrough
 from tests.player.conftest import context, room, view_from  # noqa: F401
 

@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from player.camera.view import View, looking
 from player.errors import GraphicsError
 from player.renderer.context import headless_context
 from player.scene import Scene, scene_of
-from player.view import View, looking
 from storage.store import Geometry, Store
 from tests.storage.tiny_store import make_store, room_parts
 

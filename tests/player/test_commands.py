@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from player import commands, tour
-from player.path import read_path
+from player import commands
+from player.camera.path import read_path
+from player.tour import tour
 from storage.base import compiling
 from storage.store import Store
 from tests.player.conftest import store_path

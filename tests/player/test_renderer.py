@@ -8,11 +8,11 @@ import moderngl
 import numpy as np
 import pytest
 
+from player.camera.view import View, looking
 from player.renderer.context import abilities
 from player.renderer.facets import CellBox
 from player.renderer.target import Target
 from player.scene import Scene, scene_of
-from player.view import View, looking
 from player.walkthrough import Settings, Walkthrough
 from storage.store import Store
 from tests.player.conftest import UP, inside_view, view_from

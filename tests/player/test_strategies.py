@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from player.camera.view import boxes_between, boxes_in_frustum
 from player.scene import scene_of
 from player.strategies.frustum import Frustum
 from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
 from player.strategies.vlod import Vlod
-from player.view import boxes_between, boxes_in_frustum
 from storage.model.cut import choose_cut
 from storage.store import Store
 from tests.player.conftest import inside_view, view_from
@@ -145,7 +145,7 @@ def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:
 
 def test_wishes_for_cells_ahead_keep_the_present_one_first(room: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     wished: list[list[int]] = []
-    monkeypatch.setattr("player.prefetch.Loader.wish", lambda _, keys: wished.append(list(keys)))
+    monkeypatch.setattr("player.loading.prefetch.Loader.wish", lambda _, keys: wished.append(list(keys)))
     strategy = Vlod(scene_of(room), pixel_error=1, wait=False)
     try:
         cell = strategy.choose(inside_view()).cell

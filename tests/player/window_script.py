@@ -13,11 +13,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from player.headless import Screen
-from player.path import read_path
+from player.camera.path import read_path
 from player.scene import scene_of
+from player.shells.headless import Screen
+from player.shells.window import Viewer, WindowOptions, open_window
 from player.walkthrough import Settings
-from player.window import Viewer, WindowOptions, open_window
 from storage.store import open_store
 
 

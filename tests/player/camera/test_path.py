@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from player.camera.path import CameraPath, read_path, slerp, write_path
+from player.camera.view import normalised, rotation_matrix
 from player.errors import PathError
-from player.path import CameraPath, read_path, slerp, write_path
-from player.view import normalised, rotation_matrix
 
 
 def _path(count: int = 6, seed: int = 0) -> CameraPath:

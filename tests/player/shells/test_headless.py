@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from player.headless import Screen, play, write_report
-from player.path import CameraPath
+from player.camera.path import CameraPath
+from player.camera.view import looking
 from player.renderer.context import headless_context
 from player.scene import Scene, scene_of
-from player.view import looking
+from player.shells.headless import Screen, play, write_report
 from player.walkthrough import STRATEGIES, Settings
 from storage.store import Geometry, Store, open_store
 from tests.player.conftest import UP, store_path

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from player.view import (
+from player.camera.view import (
     View,
     boxes_between,
     boxes_in_frustum,

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from player.cache import PackCache
+from player.loading.pack_cache import PackCache
 
 
 def _ids(*numbers: int) -> np.ndarray:

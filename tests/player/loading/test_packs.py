@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from player.packs import Packs, octahedral, prepare
+from player.loading.packs import Packs, octahedral, prepare
 from player.renderer.arena import Arena
 from player.renderer.facets import FacetTable
 from player.renderer.instances import records, split

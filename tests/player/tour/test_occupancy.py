@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from player.occupancy import cheapest_ways, clearance, enclosure, free_run, mark_triangles
+from player.tour.occupancy import cheapest_ways, clearance, enclosure, free_run, mark_triangles
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from player.compare import Difference, Picture, difference, magnified
-from player.path import CameraPath, write_whole
+from player.camera.path import CameraPath, write_whole
+from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
 from player.renderer.target import Target
 from player.scene import Scene
-from player.view import View
+from player.shells.compare import Difference, Picture, difference, magnified
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
 
 Progress = Callable[[int, int], None]

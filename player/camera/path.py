@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from player.camera.view import Vector, normalised
 from player.errors import PathError
-from player.view import Vector, normalised
 
 FORMAT = "vlod-path"
 VERSION = 1

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from player.occupancy import cheapest_ways, clearance, enclosure, free_run, mark_triangles
-from player.path import CameraPath
+from player.camera.path import CameraPath
+from player.camera.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
 from player.scene import Scene
-from player.view import AXES, Vector, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
+from player.tour.occupancy import cheapest_ways, clearance, enclosure, free_run, mark_triangles
 from storage.model.cut import cut_within
 
 #: Voxels in the grid.

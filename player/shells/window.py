@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from player.camera.controls import Camera
+from player.camera.path import CameraPath, write_path
+from player.camera.view import Vector, View, up_vector
 from player.colours import COLOURS, COLOURS_SHOW
-from player.controls import Camera
 from player.errors import GraphicsError
-from player.headless import Screen, near_and_far, save
-from player.path import CameraPath, write_path
 from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.renderer.text import TextOverlay
 from player.scene import Scene
-from player.view import Vector, View, up_vector
+from player.shells.headless import Screen, near_and_far, save
 from player.walkthrough import STRATEGIES, FrameStatistics, Settings, Walkthrough
 
 _HELP = (

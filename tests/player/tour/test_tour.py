@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from player.path import CameraPath
+from player.camera.path import CameraPath
+from player.camera.view import rotation_matrix
 from player.scene import scene_of
-from player.tour import make_tour, survey
-from player.view import rotation_matrix
+from player.tour.tour import make_tour, survey
 from storage.store import Store
 from tests.storage.tiny_store import box_part, make_store
 

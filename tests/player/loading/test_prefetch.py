@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from player.prefetch import Loader
+from player.loading.prefetch import Loader
 
 
 def test_values_arrive() -> None:

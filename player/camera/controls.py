@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from player.view import AXES, Vector, direction_yaw_pitch, looking, rotation_matrix, up_vector, yaw_pitch_direction
+from player.camera.view import (
+    AXES,
+    Vector,
+    direction_yaw_pitch,
+    looking,
+    rotation_matrix,
+    up_vector,
+    yaw_pitch_direction,
+)
 
 #: What a held key does, as a direction: right, up, forward.
 MOVES: dict[str, tuple[float, float, float]] = {

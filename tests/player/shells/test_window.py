@@ -14,13 +14,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from player.controls import Camera
-from player.path import read_path, write_path
+from player.camera.controls import Camera
+from player.camera.path import read_path, write_path
 from player.renderer.target import Target
 from player.renderer.text import Atlas, TextOverlay, layout
 from storage.store import Store
 from tests.player.conftest import store_path
-from tests.player.test_headless import walk_along
+from tests.player.shells.test_headless import walk_along
 
 
 @pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="needs a virtual display: apt-get install xvfb")

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from player.compare import difference, holes, magnified
+from player.shells.compare import difference, holes, magnified
 
 
 def _picture(rng: np.random.Generator, surface: float) -> np.ndarray:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from player.cache import PackCache
-from player.prefetch import Loader
+from player.loading.pack_cache import PackCache
+from player.loading.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
 from player.renderer.facets import FacetTable, PackFacets
 from storage.meshes.facets import part_meshes

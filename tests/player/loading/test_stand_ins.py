@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from player.loading.stand_ins import stand_ins
 from player.scene import Scene
-from player.stand_ins import stand_ins
 
 
 def _table(scene: Scene) -> int:

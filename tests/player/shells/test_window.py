@@ -31,7 +31,7 @@ def test_the_window_is_steered(room: Store, tmp_path: Path) -> None:
         ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", sys.executable, str(script), str(store_path(room)),
          str(tmp_path / "tour.json"), str(tmp_path / "out")],
         capture_output=True, text=True, check=False, timeout=300,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])

@@ -77,7 +77,7 @@ def read_scene(file: Path, root: Path) -> SourceScene:
         looks = looks_like(content)
     if looks is not None and looks != kind:
         raise ModelError(f"{file}: this is a {looks} file; rename it so that its extension says so")
-    reader: Reader = importlib.import_module(f"jobs.importing.{READERS[kind]}").read
+    reader: Reader = importlib.import_module(f"jobs.importing.formats.{READERS[kind]}").read
     with _reading(file):
         scene = reader(file, content, Resources(file, root))
     if not scene.meshes or not scene.nodes:

@@ -17,8 +17,7 @@ from jobs.importing.join import metres_per_unit
 from jobs.importing.model import ImportOptions, import_model, open_model
 from jobs.importing.read import KINDS
 from storage.base.errors import ModelError, ParameterError
-
-from .shapes import Glb, box, canonical, corners_of, imported, terrain, total
+from tests.jobs.importing.shapes import Glb, box, canonical, corners_of, imported, terrain, total
 
 #: Formats that know how long they are: any cut is noticed.
 SELF_SIZED = ["glb", "ply", "stl", "gltf", "dae", "off", "stl_ascii"]

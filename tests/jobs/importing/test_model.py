@@ -11,8 +11,7 @@ import pytest
 
 from jobs.importing.model import MeshView, Placement, open_model, write_model
 from storage.base.errors import ModelError
-
-from .shapes import box, canonical, corners_of
+from tests.jobs.importing.shapes import box, canonical, corners_of
 
 IDENTITY = np.eye(3, 4)
 

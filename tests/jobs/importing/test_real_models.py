@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .shapes import imported
+from tests.jobs.importing.shapes import imported
 
 FOLDER = Path(os.environ.get("VLOD_MODELS", "/nowhere"))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from .shapes import canonical, corners_of, imported, terrain
+from tests.jobs.importing.shapes import canonical, corners_of, imported, terrain
 
 FORMATS = ["glb", "gltf", "obj", "ply", "stl", "stl_ascii", "off", "dae"]
 

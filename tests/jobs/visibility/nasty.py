@@ -8,8 +8,7 @@ import numpy as np
 
 from jobs.checking.oracle import Oracle, Sight, examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
-
-from .scenes import Mesh, box, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, rooms, sheet, soup_of
 
 #: Half extents of cells, as parts of the scene's size.
 SHAPES = ((0.02, 0.02, 0.02), (0.2, 0.02, 0.002), (0.003, 0.003, 0.3), (0.1, 0.1, 0.1), (0.001, 0.001, 0.001))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from .nasty import misses, nasty_scene
+from tests.jobs.visibility.nasty import misses, nasty_scene
 
 #: Scenes that follow each other in one test.
 SCENES = 250

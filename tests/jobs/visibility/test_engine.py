@@ -13,8 +13,7 @@ import pytest
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.surfaces.soup import Soup
-
-from .scenes import Mesh, box, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, rooms, sheet, soup_of
 
 QUICK = EngineSettings(resolution=64, proof_resolution=32)
 

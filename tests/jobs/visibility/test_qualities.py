@@ -6,8 +6,7 @@ import numpy as np
 
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine
-
-from .scenes import rooms, soup_of
+from tests.jobs.visibility.scenes import rooms, soup_of
 
 
 def test_more_time_reports_less_and_proves_more_and_none_misses_anything() -> None:

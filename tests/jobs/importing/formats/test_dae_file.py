@@ -7,8 +7,7 @@ import pytest
 from PIL import Image
 
 from storage.base.errors import ModelError
-
-from .shapes import corners_of, imported, total
+from tests.jobs.importing.shapes import corners_of, imported, total
 
 DAE = """<?xml version="1.0" encoding="utf-8"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -11,8 +11,7 @@ import pytest
 from PIL import Image
 
 from storage.base.errors import ModelError
-
-from .shapes import Glb, box, corners_of, imported, terrain, total
+from tests.jobs.importing.shapes import Glb, box, corners_of, imported, terrain, total
 
 
 def png(pixels) -> bytes:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from .shapes import corners_of, imported, terrain, total
+from tests.jobs.importing.shapes import corners_of, imported, terrain, total
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 

@@ -7,8 +7,7 @@ import pytest
 from PIL import Image
 
 from storage.base.errors import ModelError
-
-from .shapes import corners_of, imported, terrain, total
+from tests.jobs.importing.shapes import corners_of, imported, terrain, total
 
 PLY = """ply
 format {form} 1.0

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from jobs.importing.reading.repair import first_equal, repair
 from jobs.importing.reading.scene import Defect, SourceMesh
-
-from .shapes import box, terrain
+from tests.jobs.importing.shapes import box, terrain
 
 
 def test_a_sound_mesh_is_left_alone():

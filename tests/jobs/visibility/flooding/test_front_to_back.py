@@ -15,8 +15,7 @@ from jobs.visibility.proof import item_buffer
 from jobs.visibility.surfaces import ray_tree, seen_mesh
 from jobs.visibility.surfaces.clusters import Clusters, make_clusters
 from jobs.visibility.surfaces.soup import Soup
-
-from .scenes import rooms, soup_of
+from tests.jobs.visibility.scenes import rooms, soup_of
 
 R = 16
 

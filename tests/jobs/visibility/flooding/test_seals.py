@@ -12,8 +12,7 @@ from jobs.visibility.engine import Engine, EngineSettings
 from jobs.visibility.surfaces.gaps import MOST, SHORTER, near_part
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.detail.sampling import distances
-
-from .scenes import Mesh, box, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, soup_of
 
 #: Of the scenes below: 0.1 mm a grid unit.
 MILLIMETRE = 10

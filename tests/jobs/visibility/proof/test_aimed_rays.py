@@ -13,9 +13,8 @@ from jobs.visibility.proof import aimed_rays
 from jobs.visibility.proof.aimed_rays import INSET, LEAST_WEIGHT, SEEN, TURNED
 from jobs.visibility.surfaces import ray_tree
 from jobs.visibility.surfaces.soup import Soup
-
-from .nasty import nasty_scene
-from .scenes import box, rooms, sheet, soup_of
+from tests.jobs.visibility.nasty import nasty_scene
+from tests.jobs.visibility.scenes import box, rooms, sheet, soup_of
 
 
 def scene_and_tree(soup: Soup) -> tuple[ray_tree.Scene, ray_tree.Tree]:

@@ -13,8 +13,7 @@ from scipy.optimize import linprog
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.shafts.closing_sets import MOST_EPOCHS
 from jobs.visibility.shafts.shafts import edge_meets, part_within
-
-from .scenes import Mesh, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import Mesh, rooms, sheet, soup_of
 
 COORDINATE = st.integers(-100, 100)
 CORNER = st.tuples(COORDINATE, COORDINATE, COORDINATE)

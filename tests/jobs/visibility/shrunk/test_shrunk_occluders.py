@@ -13,9 +13,8 @@ from jobs.visibility.shrunk.planar_polygons import convex_polygons
 from jobs.visibility.shrunk.projection_point import greatest_height, projection_point
 from jobs.visibility.shrunk.shrunk_depths import find_occluders
 from jobs.visibility.surfaces.soup import Soup
-
-from .nasty import misses, nasty_scene
-from .scenes import Mesh, box, rooms, sheet, soup_of
+from tests.jobs.visibility.nasty import misses, nasty_scene
+from tests.jobs.visibility.scenes import Mesh, box, rooms, sheet, soup_of
 
 SHRUNK = EngineSettings(method="shrunk-occluders", resolution=64, proof_resolution=32)
 

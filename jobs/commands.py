@@ -13,18 +13,9 @@ from typing import Any
 
 import click
 
+from storage.base.amounts import Bytes
+
 _BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
-
-
-class _Size(click.ParamType):
-    """An amount of memory, in bytes."""
-
-    name = "size"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:  # noqa: ARG002
-        from jobs.running.memory import parse_size
-
-        return parse_size(str(value))
 
 
 class _Corners(click.Option):
@@ -150,7 +141,7 @@ class _Corners(click.Option):
 @click.option("--ray-address", metavar="ADDRESS", help="Join this Ray cluster. Default: start Ray on this machine.")
 @click.option(
     "--memory",
-    type=_Size(),
+    type=Bytes(),
     metavar="SIZE",
     default="2GiB",
     show_default=True,
@@ -185,7 +176,7 @@ def build(
     from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
     from jobs.running.choose_executor import choose_executor
-    from jobs.running.progress import progress_for
+    from storage.base.progress import progress_for
 
     if not inputs:
         named = f"{store} STORE" if store.is_file() else f"MODEL {store}"
@@ -228,8 +219,8 @@ def verify(
 ) -> None:
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.checking.verify import verify as verify_store
-    from jobs.running.progress import progress_for
     from storage.base.errors import CorruptStoreError
+    from storage.base.progress import progress_for
 
     try:
         with progress_for() as progress:
@@ -260,8 +251,8 @@ def verify(
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 def demo_scene(kind: str, out: Path, triangles: int, seed: int, as_json: bool) -> None:
     """Generate a model of a given KIND and size, as binary glTF (OUT, a .glb)."""
-    from jobs.running.progress import progress_for
     from jobs.scenes import write_scene
+    from storage.base.progress import progress_for
 
     with progress_for() as progress:
         progress.start(kind)

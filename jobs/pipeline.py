@@ -28,11 +28,11 @@ from jobs.parameters import BuildParameters, view_space
 from jobs.report.build_report import BuildReport, StageReport
 from jobs.running.executors import Executor, Then, no_more
 from jobs.running.memory import TASK_MEMORY, MemoryWatch
-from jobs.running.progress import Progress, Silent
 from jobs.running.tasks import Stage, Task, TaskResult, find_finished
 from jobs.running.workplace import Workplace
 from jobs.stages.detail import geometry_section_of
 from storage.base.errors import ParameterError
+from storage.base.progress import Progress, Silent
 from storage.model.cut import pixel_angle
 from storage.shards.manifest import Manifest, commit, current
 from storage.writer import cells_section

@@ -14,13 +14,13 @@ from jobs.importing.inputs import content_of
 from jobs.objects.fragments import Fragment
 from jobs.parameters import BuildParameters, ViewSpace
 from jobs.running.errors import MemoryLimitError
-from jobs.running.memory import format_size
 from jobs.running.tasks import Task, TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages.cells import cell_parameters as cells_options
 from jobs.stages.cells import shards_needed
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import Shapes, imported_model
+from storage.base.amounts import format_size
 
 #: Triangles of a task that finds pieces: some seconds of work.
 PIECES_TRIANGLES = 500_000

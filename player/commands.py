@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-_SUFFIXES = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+from storage.base.amounts import Bytes
 
 
 class _Size(click.ParamType):
@@ -24,25 +24,6 @@ class _Size(click.ParamType):
         if not (width.isdecimal() and height.isdecimal() and 1 <= int(width) <= 16384 and 1 <= int(height) <= 16384):
             self.fail(f"{value!r} is not a size in pixels such as 1280x720 (at most 16384 either way)", param, ctx)
         return int(width), int(height)
-
-
-class _Bytes(click.ParamType):
-    """A number of bytes, such as 512M or 2G."""
-
-    name = "BYTES"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        if isinstance(value, int):
-            return value
-        text = str(value).upper().removesuffix("B").removesuffix("I")
-        number = text.rstrip("KMGT")
-        try:
-            size = int(float(number) * _SUFFIXES[text[len(number) :]])
-        except (KeyError, ValueError, OverflowError):
-            size = 0
-        if size < 1:
-            self.fail(f"{value!r} is not a number of bytes such as 512M or 2G", param, ctx)
-        return size
 
 
 @click.command(
@@ -98,7 +79,7 @@ Examples:
     help="Vertical, in degrees. Default: what the store was built for.",
 )
 @click.option("--samples", type=click.Choice(["0", "2", "4", "8"]), default="0", show_default=True, help="Per pixel.")
-@click.option("--cache", type=_Bytes(), default="1G", show_default=True, help="Budget of geometry on the GPU.")
+@click.option("--cache", type=Bytes(), default="1GiB", show_default=True, help="Budget of geometry on the GPU.")
 @click.option("--threads", type=click.IntRange(1, 64), default=4, show_default=True, help="That load geometry.")
 @click.option("--prefetch/--no-prefetch", default=True, show_default=True, help="Load ahead of the motion.")
 @click.option(
@@ -210,9 +191,9 @@ def path(context: click.Context, /, store: str, output: Path | None, frames: int
 
 def _tell_of_compiling(context: click.Context) -> None:
     """Says on standard error why a machine's first run takes so long, should it."""
-    from storage.base.compiling import OnceLong, heard_by, notice
+    from storage.base.compiling import WhenLong, listening, notice
 
-    context.with_resource(heard_by(OnceLong(partial(click.echo, notice("a minute"), err=True))))
+    context.with_resource(listening(WhenLong(partial(click.echo, notice("a minute"), err=True))))
 
 
 def _screen(scene: Any, options: dict[str, Any]) -> Any:

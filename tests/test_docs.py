@@ -10,7 +10,8 @@ import pytest
 from jobs import commands as jobs_commands
 from jobs import plan
 from jobs.importing.formats.gltf_file import TEXTURES_KEPT
-from jobs.running.memory import TASK_MEMORY, format_size, parse_size
+from jobs.running.memory import TASK_MEMORY
+from storage.base.amounts import format_size, parse_size
 
 MEMORY = (Path(__file__).parents[1] / "docs" / "memory.md").read_text()
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from jobs.running.workplace import Workplace
 from storage.base import compiling
-from storage.base.compiling import Stopwatch, heard_by
+from storage.base.compiling import Stopwatch, listening
 from storage.base.temporary import PREFIX, temporary_path
 
 #: No kernel takes so long, in seconds: older signs are of writers that were killed.
@@ -20,14 +20,14 @@ STALE = 300.0
 
 
 class _Sign(Stopwatch):
-    """A hearer that puts up a sign and takes it down. Short compiling is not worth one."""
+    """A listener that puts up a sign and takes it down. Short compiling is not worth one."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._path = path
 
     def __call__(self, active: bool) -> None:
-        """See `storage.base.compiling.Hearer`."""
+        """See `storage.base.compiling.Listener`."""
         super().__call__(active)
         if not active:
             self._path.unlink(missing_ok=True)
@@ -39,7 +39,7 @@ class _Sign(Stopwatch):
 @contextmanager
 def shown(place: Workplace) -> Iterator[None]:
     """Within the context, others can see when this process compiles."""
-    with heard_by(_Sign(temporary_path(_folder(place)))):
+    with listening(_Sign(temporary_path(_folder(place)))):
         yield
 
 

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from jobs.running.tasks import Task, TaskResult, find_finished, run_task
 from jobs.running.workplace import Workplace
-from storage.base.compiling import Stopwatch, heard_by
+from storage.base.compiling import Stopwatch, listening
 
 #: Seconds of work in this process before a `GrowingExecutor` grows.
 PATIENCE = 10.0
@@ -117,7 +117,7 @@ class GrowingExecutor:
             result = find_finished(task, place)
             if result is None:
                 began, compiling = time.perf_counter(), Stopwatch()
-                with heard_by(compiling):
+                with listening(compiling):
                     result = _run_here(task, place)
                 self._patience -= time.perf_counter() - began - compiling.seconds
             backlog.add_followers(result)

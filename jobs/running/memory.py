@@ -1,10 +1,8 @@
-"""How much memory a task and a whole build take, how much there is, and how amounts of it are written."""
+"""How much memory a task and a whole build take."""
 
 from __future__ import annotations
 
 import contextlib
-import math
-import re
 import resource
 import sys
 import threading
@@ -13,38 +11,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from storage.base.errors import ParameterError
-
 #: What a task of a build may need unless the user says otherwise, in bytes.
 TASK_MEMORY = 2 << 30
 
 _STATUS = Path("/proc/self/status")
 _CLEAR = Path("/proc/self/clear_refs")
-
-
-_SIZE = re.compile(r"([0-9]*\.?[0-9]+)\s*([KMGT]?)(I?)B?", re.IGNORECASE)
-
-
-def parse_size(text: str) -> int:
-    """Bytes of an amount such as 2GiB, 1500MB, 1.5G or 800000000. KiB, MiB ... are powers of 1024, KB, K ... of 1000.
-
-    Raises ParameterError for what is no amount, or none above zero.
-    """
-    match = _SIZE.fullmatch(text.strip())
-    size = 0
-    if match is not None:
-        number, prefix, binary = match.groups()
-        size = int(float(number) * (1024 if binary else 1000) ** " KMGT".index(prefix.upper() or " "))
-    if size <= 0:
-        raise ParameterError(f"memory {text!r}: expected an amount such as 2GiB or 1500MB")
-    return size
-
-
-def format_size(size: int) -> str:
-    """An amount of memory for people, in MiB or GiB, rounded up: as `parse_size` reads it."""
-    if size < 1 << 30:
-        return f"{math.ceil(size / (1 << 20))}MiB"
-    return f"{math.ceil(size / (1 << 30) * 10) / 10:.1f}".removesuffix(".0") + "GiB"
 
 
 def reset_peak() -> None:
@@ -63,17 +34,6 @@ def peak_memory() -> int:
         pass
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(largest) if sys.platform == "darwin" else int(largest) * 1024
-
-
-def memory_available() -> int:
-    """Memory, in bytes, that this machine can give to a build: its whole memory, or its container's limit."""
-    import psutil
-
-    total = int(psutil.virtual_memory().total)
-    for limit in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
-        with contextlib.suppress(OSError, ValueError):
-            total = min(total, int(Path(limit).read_text()))
-    return total
 
 
 class MemoryWatch:

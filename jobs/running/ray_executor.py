@@ -21,7 +21,7 @@ from jobs.running.errors import ClusterError, MemoryLimitError, WorkerLostError
 from jobs.running.executors import Backlog, Then, no_more
 from jobs.running.tasks import Task, TaskResult, find_finished, run_task
 from jobs.running.workplace import Workplace
-from storage.base.compiling import tell
+from storage.base.compiling import announce
 
 #: Attempts at a task whose worker or node died; spot nodes vanish, but a task that kills workers must end.
 ATTEMPTS = 4
@@ -235,13 +235,13 @@ def _wait(running: dict[Any, _Attempt], place: Workplace) -> tuple[Any, _Attempt
             if ready:
                 return ready[0], running.pop(ready[0])
             if told:
-                tell(False)
+                announce(False)
             told = seen(place)
             if told:
-                tell(True)
+                announce(True)
     finally:
         if told:
-            tell(False)
+            announce(False)
 
 
 def _knock(address: str | None) -> None:

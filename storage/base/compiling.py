@@ -1,4 +1,4 @@
-"""Who hears that kernels are compiled: at a first run that takes minutes, and would be a riddle without a word."""
+"""Listening to the compiling of kernels: a first run takes minutes, and would be a riddle without a word."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from contextlib import contextmanager
 LONG = 2.0
 
 #: Told with True when compiling begins, with False when it ends.
-Hearer = Callable[[bool], None]
+Listener = Callable[[bool], None]
 
-_hearers: list[Hearer] = []
+_listeners: list[Listener] = []
 
 
 @contextmanager
-def heard_by(hearer: Hearer) -> Iterator[None]:
-    """Within the context, `hearer` is told of what this process compiles."""
-    _hearers.append(hearer)
+def listening(listener: Listener) -> Iterator[None]:
+    """Within the context, `listener` is told of what this process compiles."""
+    _listeners.append(listener)
     try:
         yield
     finally:
-        _hearers.remove(hearer)
+        _listeners.remove(listener)
 
 
-def tell(active: bool) -> None:
-    """Tells all hearers."""
-    for hearer in _hearers:
-        hearer(active)
+def announce(active: bool) -> None:
+    """Tells all listeners."""
+    for listener in _listeners:
+        listener(active)
 
 
 class Stopwatch:
-    """A hearer that adds up the seconds of compiling."""
+    """A listener that adds up the seconds of compiling."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
         self._began = 0.0
 
     def __call__(self, active: bool) -> None:
-        """See `Hearer`."""
+        """See `Listener`."""
         if active:
             self._began = time.perf_counter()
         else:
             self.seconds += time.perf_counter() - self._began
 
 
-class OnceLong(Stopwatch):
-    """A hearer that does something once, if compiling takes long."""
+class WhenLong(Stopwatch):
+    """A listener that does something once, if compiling takes long."""
 
     def __init__(self, do: Callable[[], object]) -> None:
         super().__init__()
@@ -55,7 +55,7 @@ class OnceLong(Stopwatch):
         self._done = False
 
     def __call__(self, active: bool) -> None:
-        """See `Hearer`."""
+        """See `Listener`."""
         super().__call__(active)
         if active and self.seconds > LONG and not self._done:
             self._done = True

@@ -18,7 +18,7 @@ from numba.core import caching, event
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 from numba.core.dispatcher import Dispatcher
 
-from storage.base.compiling import tell
+from storage.base.compiling import announce
 
 #: Values that are compiled into the kernels that name them.
 CONSTANTS = (bool, int, float, complex, str, bytes, tuple)
@@ -82,14 +82,14 @@ class _Compiling(event.Listener):
     def on_start(self, _event: event.Event) -> None:
         """A kernel is about to be compiled."""
         if self._depth == 0:
-            tell(True)
+            announce(True)
         self._depth += 1
 
     def on_end(self, _event: event.Event) -> None:
         """It is."""
         self._depth -= 1
         if self._depth == 0:
-            tell(False)
+            announce(False)
 
 
 event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]

@@ -27,12 +27,12 @@ from PIL import Image
 from jobs.parameters import OBJECTS, BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
-from jobs.running.progress import Silent
 from player.camera.path import CameraPath
 from player.camera.view import looking, up_vector, yaw_pitch_direction
 from player.scene import Scene, scene_of
 from player.shells.headless import Screen, play
 from player.walkthrough import Settings
+from storage.base.progress import Silent
 from storage.store import open_store
 from tests.benchmarks.models import model_file
 

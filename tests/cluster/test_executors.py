@@ -144,9 +144,9 @@ def test_compiling_does_not_count_as_long_work(monkeypatch, place, log):
     whole = time.sleep
 
     def sleep(seconds):
-        compiling.tell(True)
+        compiling.announce(True)
         whole(seconds)
-        compiling.tell(False)
+        compiling.announce(False)
 
     monkeypatch.setattr("tests.cluster.toy_stages.time.sleep", sleep)
     executor = GrowingExecutor(SerialExecutor(), patience=10.0)
@@ -158,7 +158,7 @@ def test_compiling_does_not_count_as_long_work(monkeypatch, place, log):
 def test_that_workers_compile_is_heard_of(ray_executor, place):
     heard = []
     task = Task(COMPILING, {"turns": [compiling.LONG + 0.1, 4.0]}, {}, memory=50 << 20)
-    with compiling.heard_by(heard.append):
+    with compiling.listening(heard.append):
         list(ray_executor.run([task], place))
     assert heard
     assert heard == [True, False] * (len(heard) // 2)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs.running.tasks import Assignment, Stage, Task
-from storage.base.compiling import tell
+from storage.base.compiling import announce
 from storage.base.errors import ModelError
 
 _CODE = ("tests.cluster.toy_stages",)
@@ -60,9 +60,9 @@ def slow(work: Assignment) -> dict[str, Any]:
 def compiles(work: Assignment) -> dict[str, Any]:
     """Says that it compiles, in turns of some seconds."""
     for seconds in work.payload["turns"]:
-        tell(True)
+        announce(True)
         time.sleep(seconds)
-        tell(False)
+        announce(False)
     return {}
 
 

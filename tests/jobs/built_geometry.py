@@ -12,12 +12,12 @@ from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_geometry, make_levels
 from jobs.running.executors import SerialExecutor
 from jobs.running.memory import MemoryWatch
-from jobs.running.progress import Silent
 from jobs.running.tasks import Task, TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
+from storage.base.progress import Silent
 from storage.meshes.placement import transform_points
 from storage.store import Geometry, open_geometry
 

@@ -40,8 +40,8 @@ def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.Monk
 
     def compiles_first(*arguments: object) -> object:
         for _ in range(3):
-            compiling.tell(True)
-            compiling.tell(False)
+            compiling.announce(True)
+            compiling.announce(False)
         return plain(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(tour, "survey", compiles_first)
@@ -51,7 +51,7 @@ def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.Monk
         done = CliRunner().invoke(commands.path, arguments, catch_exceptions=False)
         assert done.exit_code == 0
         assert done.stderr.count(f"{compiling.notice('a minute')}\n") == 1
-        compiling.tell(True)  # nobody hears it any more
+        compiling.announce(True)  # nobody hears it any more
 
 
 def test_a_tour_is_made_and_rendered(room: Store, tmp_path: Path, context: object) -> None:
@@ -98,7 +98,7 @@ def test_without_a_display_headless_is_suggested(room: Store, tmp_path: Path) ->
         (["--headless", "--json", "--colours", "objects", "--compare", "none"], "leave --colours out"),
         (["--headless", "--json", "--size", "big"], "not a size"),
         (["--headless", "--json", "--size", "0x9"], "not a size"),
-        (["--headless", "--json", "--cache", "lots"], "not a number of bytes"),
+        (["--headless", "--json", "--cache", "lots"], "no amount of bytes"),
         (["--headless", "--json", "--strategy", "magic"], "magic"),
         (["--headless", "--json", "--path", "missing.json"], "missing.json: there is no such file"),
     ],

@@ -13,11 +13,11 @@ from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_levels
 from jobs.running.executors import SerialExecutor
 from jobs.running.memory import MemoryWatch
-from jobs.running.progress import Silent
 from jobs.running.tasks import Task, TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
+from storage.base.progress import Silent
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves

@@ -23,12 +23,12 @@ def test_a_sign_is_there_while_long_compiling_goes_on(place, monkeypatch, long, 
     found = [seen(place)]
     with shown(place):
         for active in (True, False, True, False):
-            compiling.tell(active)
+            compiling.announce(active)
             found.append(seen(place))
     assert found == expected
-    compiling.tell(True)
+    compiling.announce(True)
     assert not seen(place)
-    compiling.tell(False)
+    compiling.announce(False)
 
 
 def test_signs_of_killed_workers_are_not_believed_for_long(place):

@@ -54,7 +54,7 @@ def test_compiled_code_follows_changes_of_what_it_imports(tmp_path: Path) -> Non
 
 
 HEARD = """
-from storage.base.compiling import heard_by
+from storage.base.compiling import listening
 from storage.base.kernels import kernel
 
 @kernel()
@@ -66,7 +66,7 @@ def answer(x):
     return 2 * grown(x)
 
 heard = []
-with heard_by(heard.append):
+with listening(heard.append):
     answer(1)
     answer(2)
 answer(0.5)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.running.memory import format_size, parse_size
+from storage.base.amounts import format_size, parse_size
 from storage.base.errors import ParameterError
 
 

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
-from storage.base.compiling import OnceLong, heard_by, notice
+from storage.base.compiling import WhenLong, listening, notice
 
 
 class Progress(Protocol):
@@ -54,7 +54,7 @@ class _Heard(Silent):
     _hearing: AbstractContextManager[None]
 
     def __enter__(self) -> Self:
-        self._hearing = heard_by(self._compiling)
+        self._hearing = listening(self._compiling)
         self._hearing.__enter__()
         return self
 
@@ -74,7 +74,7 @@ class Lines(_Heard):
         self._stream = stream
         self._step = ""
         self._began = 0.0
-        self._told = OnceLong(lambda: self._write(f"{self._step}: {notice('a few minutes')}"))
+        self._told = WhenLong(lambda: self._write(f"{self._step}: {notice('a few minutes')}"))
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""

@@ -6,8 +6,8 @@ from io import StringIO
 
 import pytest
 
-from jobs.running.progress import Bars, Lines, progress_for
 from storage.base import compiling
+from storage.base.progress import Bars, Lines, progress_for
 
 
 def test_a_line_for_each_finished_step():
@@ -27,10 +27,10 @@ def test_log_files_hear_once_of_long_compiling(monkeypatch, long, told):
     with Lines(stream) as progress:
         progress.start("cells")
         for _ in range(3):
-            compiling.tell(True)
-            compiling.tell(False)
+            compiling.announce(True)
+            compiling.announce(False)
         progress.finish("2 tasks")
-    compiling.tell(True)
+    compiling.announce(True)
     lines = stream.getvalue().splitlines()
     assert len(lines) == told + 1
     assert ["compiling" in line for line in lines] == [True] * told + [False]
@@ -38,13 +38,13 @@ def test_log_files_hear_once_of_long_compiling(monkeypatch, long, told):
 
 def test_a_bar_says_that_kernels_are_compiled():
     with Bars(StringIO()) as progress:
-        compiling.tell(True)  # before there is any bar
+        compiling.announce(True)  # before there is any bar
         progress.start("cells")
         notes = []
         for active in (True, False):
-            compiling.tell(active)
+            compiling.announce(active)
             notes.append(progress._bars.tasks[0].fields["note"])
         progress.finish("2 tasks")
-        compiling.tell(True)  # after it is finished
+        compiling.announce(True)  # after it is finished
         notes.append(progress._bars.tasks[0].fields["note"])
     assert notes == ["compiling, once on a machine", "", "2 tasks"]

@@ -208,8 +208,9 @@ def _play_headless(scene: Any, path: Any, settings: Any, options: dict[str, Any]
     """Renders, writes and prints what was asked for; False if the comparison failed."""
     from player.shells.headless import play as render_path
     from player.shells.headless import write_report
+    from storage.base.progress import progress_for
 
-    with _Bar() as bar:
+    with progress_for() as progress:
         report = render_path(
             scene,
             path,
@@ -217,10 +218,13 @@ def _play_headless(scene: Any, path: Any, settings: Any, options: dict[str, Any]
             settings,
             frames=options["frames"],
             compare=options["compare"] is not None,
-            progress=bar,
+            progress=progress,
         )
     if options["report"] is not None:
         write_report(options["report"], report)
+    lacking, troubles = (report.content["totals"][key] for key in ("lacking_frames", "troubles"))
+    if troubles:
+        click.echo(f"{lacking} frames lack what cannot be read: {'; '.join(troubles[:3])}", err=True)
     summary = {key: report.content[key] for key in ("totals", "compare") if key in report.content}
     if options["as_json"]:
         click.echo(json.dumps(summary, indent=1))
@@ -237,6 +241,11 @@ def _print_summary(content: dict[str, Any]) -> None:
         f"{totals['frame_ms']['median']:.1f} ms a frame, {totals['cpu_ms']['median']:.2f} ms of it choosing, "
         f"{totals['bytes_fetched'] / 1e6:.1f} MB fetched"
     )
+    if totals["approximate_frames"]:
+        click.echo(
+            f"{totals['approximate_frames']} frames are approximate: their lists are carried over from the pixel error "
+            "that the store was built for"
+        )
     compared = content.get("compare")
     if compared is not None:
         click.echo(
@@ -244,32 +253,3 @@ def _print_summary(content: dict[str, Any]) -> None:
             f"at most {100 * compared['largest_differing']:.3f} % of a frame's pixels differ "
             f"(frame {compared['worst_frame']} is the worst)"
         )
-
-
-class _Bar:
-    """Progress on standard error: a bar on a terminal, nothing elsewhere."""
-
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        console = Console(stderr=True)
-        self._progress = Progress(
-            TextColumn("rendering"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._task = self._progress.add_task("rendering", total=None)
-
-    def __enter__(self) -> _Bar:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def __call__(self, done: int, total: int) -> None:
-        self._progress.update(self._task, completed=done, total=total)

@@ -57,12 +57,15 @@ class FrameStatistics:
     strategy: str
     cell: int  # the view cell that holds the eye, -1 outside the computed ones
     computed: bool  # drawn from the cell's vLOD; False: by culling at run time, or everything
+    approximate: bool  # the vLOD is for another pixel error than the store was built for: something may lack
     drawables: int
     triangles: int
     turned_triangles: int  # of these drawables, left out because the cell can only see their backs
     draw_calls: int
     replaced: int  # nodes drawn at another level or by one above them, because the chosen level had not arrived
     absent: int  # nodes not drawn, because nothing of them or above them had arrived
+    unreadable: int  # packs and lists needed now that cannot be had, part of `replaced` and `absent`
+    trouble: str  # why one of them could not, or what damage was met while loading ahead; empty: all is well
     bytes_fetched: int  # from the store since it was opened
     cache_bytes: int  # vertices and indices on the GPU
     strategy_ms: float  # choosing the drawables
@@ -124,6 +127,7 @@ class Walkthrough:
         chosen = time.perf_counter()
         packs, first = np.unique(self._pack_of[choice.drawables], return_index=True)
         self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
+        troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
         loaded = time.perf_counter()
         drawn = stand_ins(choice.drawables, self.scene, self._ready)
         draws = self.renderer.prepare(drawn.drawables, choice.within)
@@ -138,12 +142,15 @@ class Walkthrough:
             strategy=self._strategy.name,
             cell=choice.cell,
             computed=choice.computed,
+            approximate=choice.approximate,
             drawables=draws.drawables,
             triangles=draws.triangles,
             turned_triangles=draws.turned,
             draw_calls=calls,
             replaced=drawn.replaced,
             absent=drawn.absent,
+            unreadable=len(troubles),
+            trouble=str(troubles[0] if troubles else self.packs.damage or ""),
             bytes_fetched=self.scene.store.bytes_fetched,
             cache_bytes=self.packs.cache.bytes,
             strategy_ms=1000 * (chosen - started),

@@ -11,6 +11,7 @@ from player.loading.pack_cache import PackCache
 from player.loading.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
 from player.renderer.facets import FacetTable, PackFacets
+from storage.base.errors import CorruptStoreError, StoreError
 from storage.meshes.facets import part_meshes
 from storage.meshes.pack import Pack
 from storage.store import Store
@@ -78,7 +79,8 @@ class Packs:
     def need(self, packs: NDArray[np.int64], *, wait: bool) -> None:
         """Locks `packs` (unique, most urgent first), uploads what has arrived, and asks for the rest.
 
-        wait: returns only when all of them are on the GPU. Afterwards `cache.resident` says what is there.
+        wait: returns only when all of them are on the GPU, but for what cannot be read. Afterwards `cache.resident`
+        says what is there, and `failures` why the rest is not.
         """
         self.cache.lock(packs)
         arrived = self._loader.collect()
@@ -89,6 +91,15 @@ class Packs:
         if wait and missing:
             arrived |= self._loader.wait_for(missing)
         self._upload(arrived)
+
+    def failures(self, packs: NDArray[np.int64]) -> list[StoreError]:
+        """Why those of `packs` (n,) are not there that cannot be had for now; they are tried again."""
+        return list(self._loader.failures(packs[~self.cache.resident[packs]].tolist()).values())
+
+    @property
+    def damage(self) -> CorruptStoreError | None:
+        """Some damage that was met, be it in what was only loaded ahead; None if there is none."""
+        return self._loader.damage
 
     def prefetch(self, packs: NDArray[np.int64]) -> None:
         """Asks for `packs` (unique, most urgent first), as many as the budget has room for beside what is drawn."""
@@ -108,7 +119,7 @@ class Packs:
         return int(self._sizes[packs].sum())
 
     def settle(self) -> None:
-        """Waits until everything asked for is on the GPU."""
+        """Waits until everything asked for is on the GPU, but for what cannot be read."""
         later = self._later()
         self._loader.wish(later)
         self._upload(self._loader.wait_for(later))

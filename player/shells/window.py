@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -39,6 +40,9 @@ _HELP = (
     ("O  H", "statistics; this help"),
     ("Esc", "quit"),
 )
+
+#: Letters in a line of a message.
+_LINE = 100
 
 _RADIANS_PER_PIXEL = 0.004
 
@@ -102,9 +106,10 @@ class Viewer:
             self.overlay.draw(self._statistics_rows(statistics), self.window.fbo, self.target.size, "top left")
         if self.show_help:
             self.overlay.draw(_HELP, self.window.fbo, self.target.size, "bottom right")
-        if self.message or statistics.absent:
-            message = f"{self.walk.packs.pending} packs to come ..." if statistics.absent else self.message
-            self.overlay.draw([(message,)], self.window.fbo, self.target.size, "bottom left")
+        message = self._message(statistics)
+        if message:
+            rows = [(line,) for line in textwrap.wrap(message, _LINE)]
+            self.overlay.draw(rows, self.window.fbo, self.target.size, "bottom left")
         return statistics
 
     def view(self) -> View:
@@ -294,8 +299,17 @@ class Viewer:
     def _toggle_mouse(self) -> None:
         self.window.mouse_exclusivity = not self.window.mouse_exclusivity
 
+    def _message(self, s: FrameStatistics) -> str:
+        """What is said at the bottom: what cannot be had comes before what is only to come."""
+        if s.unreadable:
+            return f"{s.unreadable} packs cannot be had for now, others stand in: {s.trouble}"
+        if s.trouble:
+            return s.trouble
+        return f"{self.walk.packs.pending} packs to come ..." if s.absent else self.message
+
     def _statistics_rows(self, s: FrameStatistics) -> list[tuple[str, str]]:
-        source = "vLOD" if s.computed else ("run time" if s.strategy == "vlod" else s.strategy)
+        vlod = "vLOD, approximate" if s.approximate else "vLOD"
+        source = vlod if s.computed else ("run time" if s.strategy == "vlod" else s.strategy)
         cell = "none" if s.cell < 0 else str(s.cell)
         total = int(self.scene.store.manifest.model["triangles"])
         milliseconds = max(self._milliseconds, 1e-3)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from player.camera.view import Vector, View
 from player.renderer.facets import CellBox
+from storage.base.errors import StoreError
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +21,8 @@ class Choice:
     cell: int  # the view cell that holds the eye, -1 where none was computed
     computed: bool  # the drawables come from the cell's vLOD
     within: CellBox | None = None  # the cell's box, where what it sees only from behind may be left out
+    approximate: bool = False  # carried over to another pixel error than the store was built for: something may lack
+    missing: StoreError | None = None  # why the cell's vLOD could not be read, where something else is drawn instead
 
 
 class Strategy(Protocol):

@@ -30,7 +30,7 @@ from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath
 from player.camera.view import looking, up_vector, yaw_pitch_direction
 from player.scene import Scene, scene_of
-from player.shells.headless import Screen, play
+from player.shells.headless import Screen, render
 from player.walkthrough import Settings
 from storage.base.progress import Silent
 from storage.store import open_store
@@ -95,9 +95,8 @@ def picture(model: Path, options: dict, file: Path, yaw: float, pitch: float) ->
         build([model], Path(folder) / "store", BuildParameters(**NO_CELLS, **options), executor, Silent())
         executor.close()
         scene = scene_of(open_store(str(Path(folder) / "store")))
-        pictures: list[np.ndarray] = []
-        play(scene, outside(scene, yaw, pitch), SCREEN, Settings("none", colours="objects"), keep=pictures)
-    shown = Image.fromarray(cropped(pictures[0]))
+        (frame,) = render(scene, outside(scene, yaw, pitch), SCREEN, Settings("none", colours="objects"))
+    shown = Image.fromarray(cropped(frame.picture))
     shown.quantize(PALETTE, dither=Image.Dither.NONE).save(file, optimize=True)
     store = scene.store
     triangles = store.drawables["triangles"][scene.first_drawable[scene.leaves]]

@@ -3,8 +3,10 @@
 import functools
 import http.server
 import shutil
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import pytest
 
 from storage import open_store
 from storage.base.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.shards import files
 from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 
@@ -142,6 +145,83 @@ def test_ranges_fetch_less_than_the_files(original: Store) -> None:
 def test_a_server_that_is_not_there() -> None:
     with pytest.raises(StoreUnreachableError, match=r"http://127.0.0.1:9/none/manifest.json cannot be read"):
         open_store("http://127.0.0.1:9/none")
+
+
+class _Refusing(_Ranges):
+    """Refuses the first requests of each run with a status, and counts them all."""
+
+    status = 503
+    refusals = 2
+    requests = 0
+
+    def do_GET(self) -> None:
+        type(self).requests += 1
+        if type(self).requests <= self.refusals:
+            self.send_error(self.status)
+        else:
+            super().do_GET()
+
+
+@pytest.fixture
+def refusing(monkeypatch: pytest.MonkeyPatch) -> type[_Refusing]:
+    monkeypatch.setattr(files, "FIRST_PAUSE", 0.01)
+    return type("Refusing", (_Refusing,), {})
+
+
+@pytest.mark.parametrize("status", [500, 503, 429])
+def test_what_a_busy_server_refuses_is_asked_again(original: Store, refusing: type[_Refusing], status: int) -> None:
+    refusing.status = status
+    serving = _served(Path(original.files.url), refusing)
+    place = files.Files(next(serving))
+    assert place.read("manifest.json") == original.files.read("manifest.json")
+    assert refusing.requests == 3
+    assert place.bytes_fetched == len(place.read("manifest.json"))
+    assert list(serving) == []
+
+
+@pytest.mark.parametrize(("status", "expected"), [(404, StoreNotFoundError), (403, StoreUnreachableError)])
+def test_what_is_not_there_or_not_allowed_is_asked_once(
+    original: Store, refusing: type[_Refusing], status: int, expected: type[Exception]
+) -> None:
+    refusing.status, refusing.refusals = status, 9
+    serving = _served(Path(original.files.url), refusing)
+    with pytest.raises(expected, match=r"manifest\.json"):
+        files.Files(next(serving)).read("manifest.json")
+    assert refusing.requests == 1
+    assert list(serving) == []
+
+
+def test_a_server_that_only_fails_is_given_up(original: Store, refusing: type[_Refusing]) -> None:
+    refusing.refusals = 99
+    serving = _served(Path(original.files.url), refusing)
+    place = files.Files(next(serving))
+    with pytest.raises(StoreUnreachableError, match=r"manifest\.json cannot be read: 503"):
+        place.read("manifest.json")
+    assert refusing.requests == files.ATTEMPTS
+    assert list(serving) == []
+
+
+def test_a_server_that_falls_silent_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "SILENCE_TIME", 0.1)
+    monkeypatch.setattr(files, "FIRST_PAUSE", 0.01)
+    with socket.create_server(("127.0.0.1", 0)) as listening:  # accepts, and never says a word
+        began = time.monotonic()
+        with pytest.raises(StoreUnreachableError, match="x cannot be read"):
+            files.Files(f"http://127.0.0.1:{listening.getsockname()[1]}").read("x")
+        assert time.monotonic() - began < 20
+
+
+def test_whatever_a_file_system_raises_means_that_it_gave_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    class OfItsOwnError(Exception):
+        """Neither an OSError nor known to anyone here."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OfItsOwnError("the bucket is closed")
+
+    place = files.Files("memory://somewhere")
+    monkeypatch.setattr(type(place._system), "cat_file", fail)
+    with pytest.raises(StoreUnreachableError, match="memory://somewhere/x cannot be read: the bucket is closed"):
+        place.read("x")
 
 
 def test_http_without_aiohttp(monkeypatch: pytest.MonkeyPatch) -> None:

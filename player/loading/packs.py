@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from player.loading.pack_cache import PackCache
 from player.loading.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
-from player.renderer.facets import FacetTable, PackFacets
+from player.renderer.facet_table import FacetTable, PackFacets
 from storage.base.errors import CorruptStoreError, StoreError
 from storage.meshes.facets import part_meshes
 from storage.meshes.pack import Pack

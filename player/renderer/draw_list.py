@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from player.renderer.facets import CellBox, FacetTable, FacetUsers, Runs
+from player.renderer.facet_table import CellBox, FacetTable, FacetUsers, Runs
 from player.renderer.instances import mirrored
 
 #: Which sides of a drawable are drawn; the cull mode of a batch.

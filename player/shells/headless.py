@@ -17,8 +17,9 @@ from player.camera.path import CameraPath, write_whole
 from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
 from player.renderer.target import Target
-from player.scene import Scene
 from player.shells.compare import Difference, Picture, difference, magnified
+from player.shown_model import ShownModel
+from player.strategies import FULL
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
 from storage.base.progress import Progress, Silent
 
@@ -61,37 +62,37 @@ class Report:
         return not lacking and (compared is None or bool(compared["passed"]))
 
 
-def near_and_far(scene: Scene, position: np.ndarray, able: Abilities) -> tuple[float, float]:
+def near_and_far(model: ShownModel, position: np.ndarray, able: Abilities) -> tuple[float, float]:
     """Distances of the near and far plane in model units for an eye at `position` (3,).
 
     With reversed depth the near plane costs no precision. Otherwise it is as far off as 24 bits of depth need.
     """
-    corner = np.maximum(np.abs(scene.lo - position), np.abs(scene.hi - position))
-    far = 1.01 * float(np.sqrt((corner * corner).sum())) + scene.extent * 1e-3
-    closest = (1e-6 if able.reversed_depth else 1e-4) * scene.extent
-    return max(closest, 2 * scene.store.grid.step), far
+    corner = np.maximum(np.abs(model.lo - position), np.abs(model.hi - position))
+    far = 1.01 * float(np.sqrt((corner * corner).sum())) + model.extent * 1e-3
+    closest = (1e-6 if able.reversed_depth else 1e-4) * model.extent
+    return max(closest, 2 * model.store.grid.step), far
 
 
 def render(
-    scene: Scene, path: CameraPath, screen: Screen, settings: Settings, *, compare: bool = False
+    model: ShownModel, path: CameraPath, screen: Screen, settings: Settings, *, compare: bool = False
 ) -> Iterator[Frame]:
     """Renders each pose of `path` in turn.
 
-    compare: renders the full model (strategy none) as well. Raises GraphicsError where there is no OpenGL.
+    compare: renders the full model (strategy FULL) as well. Raises GraphicsError where there is no OpenGL.
     """
     context = headless_context()
     able = abilities(context, force_gl33=screen.force_gl33)
     size = (screen.width, screen.height)
     target = Target(context, size, samples=screen.samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(scene, context, able, settings)
+    walk = Walkthrough(model, context, able, settings)
     whole: Walkthrough | None = None
     if compare:
-        plain = replace(settings, strategy="none", wait=True, prefetch=False, cache_bytes=1 << 62)
-        whole = Walkthrough(scene, context, able, plain)
+        plain = replace(settings, strategy=FULL, wait=True, prefetch=False, cache_bytes=1 << 62)
+        whole = Walkthrough(model, context, able, plain)
     try:
         for index in range(len(path)):
             position, orientation = path.pose(index)
-            near, far = near_and_far(scene, position, able)
+            near, far = near_and_far(model, position, able)
             view = View(position, orientation, screen.field_of_view, screen.width, screen.height, near, far)
             statistics = walk.frame(view, target)
             frame = Frame(index, able, target.read(), statistics)
@@ -110,7 +111,7 @@ def render(
 
 
 def play(
-    scene: Scene,
+    model: ShownModel,
     path: CameraPath,
     screen: Screen,
     settings: Settings,
@@ -124,9 +125,9 @@ def play(
     compare: also compares each frame with the full model; the worst frame's pair and the difference go to `frames` too.
     """
     progress = progress or Silent()
-    keeping = ReportMaker(scene, path, screen, settings, frames)
+    keeping = ReportMaker(model, path, screen, settings, frames)
     progress.start("rendering")
-    for frame in render(scene, path, screen, settings, compare=compare):
+    for frame in render(model, path, screen, settings, compare=compare):
         keeping.add(frame)
         progress.update(frame.index + 1, len(path))
     progress.finish("1 frame" if len(path) == 1 else f"{len(path)} frames")
@@ -137,21 +138,21 @@ class ReportMaker:
     """Keeps what the frames of a path took, and writes their pictures."""
 
     def __init__(
-        self, scene: Scene, path: CameraPath, screen: Screen, settings: Settings, frames: Path | None = None
+        self, model: ShownModel, path: CameraPath, screen: Screen, settings: Settings, frames: Path | None = None
     ) -> None:
         """frames: directory of the pictures; None: they are not written."""
-        self._scene = scene
+        self._model = model
         self._path = path
         self._frames = frames
         self._content: dict[str, Any] = {
             "format": "vlod-play-report",
             "version": 1,
             "strategy": settings.strategy,
-            "pixel_error": settings.pixel_error or scene.pixel_error,
+            "pixel_error": settings.pixel_error or model.pixel_error,
             "screen": asdict(screen),
             "graphics": None,
             "settings": asdict(settings),
-            "model_triangles": int(scene.store.manifest.model["triangles"]),
+            "model_triangles": int(model.store.manifest.model["triangles"]),
         }
         self._rows: list[dict[str, Any]] = []
         self._worst: Frame | None = None
@@ -242,7 +243,7 @@ def _comparison(rows: list[dict[str, Any]], worst: Frame, frames: Path | None) -
             save(frames / images[what], picture)
     differences = [Difference(**row["compare"]) for row in rows]
     return {
-        "with": "none",
+        "with": FULL,
         "passed": all(found.passed for found in differences) and not any(row["full_unreadable"] for row in rows),
         "incomplete_full_frames": sum(row["full_unreadable"] > 0 for row in rows),
         "holes": sum(found.holes for found in differences),

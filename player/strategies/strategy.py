@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.camera.view import Vector, View
-from player.renderer.facets import CellBox
+from player.renderer.facet_table import CellBox
+from player.shown_model import ShownModel
 from storage.base.errors import StoreError
 
 
@@ -28,7 +29,6 @@ class Choice:
 class Strategy(Protocol):
     """Which drawables for this view? One file each in this folder; all comparable on one recorded path."""
 
-    name: str
     pixel_error: float  # allowed error in pixels of the screen that the store was built for; may be changed at any time
 
     def choose(self, view: View) -> Choice:
@@ -44,4 +44,12 @@ class Strategy(Protocol):
 
     def close(self) -> None:
         """Stops what runs in the background."""
+        ...
+
+
+class MakeStrategy(Protocol):
+    """How a strategy of player.strategies.STRATEGIES is made."""
+
+    def __call__(self, model: ShownModel, *, pixel_error: float, wait: bool) -> Strategy:
+        """wait: what it reads is waited for, as long as it can be read; otherwise no call may wait for the store."""
         ...

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from player.camera.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from player.loading.prefetch import Loader
-from player.renderer.facets import CellBox
-from player.scene import Scene
+from player.renderer.facet_table import CellBox
+from player.shown_model import ShownModel
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
 from storage.cells.deltas import apply
@@ -34,14 +34,12 @@ _STEPS_AHEAD = (0.6, 1.2, 1.8, 2.4)
 class Vlod:
     """From-region visibility out of the store."""
 
-    name = "vlod"
-
-    def __init__(self, scene: Scene, *, pixel_error: float, wait: bool) -> None:
+    def __init__(self, model: ShownModel, *, pixel_error: float, wait: bool) -> None:
         """wait: lists of cells are waited for as long as they can be read; otherwise they come when they come."""
         self.pixel_error = pixel_error
-        self._scene = scene
+        self._model = model
         self._wait = wait
-        self._frustum = Frustum(scene, pixel_error=pixel_error)
+        self._frustum = Frustum(model, pixel_error=pixel_error)
         self._sets: dict[int, Ids] = {}  # of the present cell and of those that may be entered next
         self._loader: Loader[int, Ids] = Loader(self._load, _WAITED_FOR if wait else _IN_PASSING)
         self._next: list[int] = []
@@ -68,7 +66,7 @@ class Vlod:
             cell,
             computed=True,
             within=self._within,
-            approximate=self.pixel_error != self._scene.pixel_error,
+            approximate=self.pixel_error != self._model.pixel_error,
         )
 
     def ahead(self, view: View, motion: Vector) -> Ids | None:
@@ -100,10 +98,10 @@ class Vlod:
     def _cell_of(self, position: Vector) -> int:
         """The computed cell that holds the eye, -1 if there is none."""
         if self._cell >= 0:
-            row = self._scene.store.cells[self._cell]
+            row = self._model.store.cells[self._cell]
             if (row["lo"] < position).all() and (position < row["hi"]).all():
                 return self._cell
-        return int(self._scene.store.cell_at(position[None])[0])
+        return int(self._model.store.cell_at(position[None])[0])
 
     def _enter(self, cell: int) -> None:
         """The eye is in another cell now; from the former one it came, and may go back."""
@@ -128,8 +126,8 @@ class Vlod:
             if ids is None:
                 return None
             self._list = self._at_detail(cell, ids)
-            self._boxes = boxes_between(self._scene.drawable_lo[self._list], self._scene.drawable_hi[self._list])
-            row = self._scene.store.cells[cell]
+            self._boxes = boxes_between(self._model.drawable_lo[self._list], self._model.drawable_hi[self._list])
+            row = self._model.store.cells[cell]
             self._within = CellBox(row["lo"].copy(), row["hi"].copy())
             self._listed = (cell, self.pixel_error)
         return self._list
@@ -141,18 +139,18 @@ class Vlod:
         of a node can be seen where this one cannot.
         A cell that was built coarser, to keep the most triangles that a cell may have, stays that much coarser.
         """
-        store = self._scene.store
-        if self.pixel_error == self._scene.pixel_error:
+        store = self._model.store
+        if self.pixel_error == self._model.pixel_error:
             return ids
         row = store.cells[cell]
-        error = float(row["pixel_error"]) * (self.pixel_error / self._scene.pixel_error)
+        error = float(row["pixel_error"]) * (self.pixel_error / self._model.pixel_error)
         angle = store.manifest.pixel_angle
         cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, error)
-        return cut[overlapping(store.nodes, self._scene.node_of[cut], self._scene.node_of[ids])]
+        return cut[overlapping(store.nodes, self._model.node_of[cut], self._model.node_of[ids])]
 
     def _load(self, cell: int) -> Ids:
         """The cell's vLOD: by the delta from the present cell where they are neighbours, else from its shard."""
-        store, here = self._scene.store, self._cell
+        store, here = self._model.store, self._cell
         known = self._sets.get(here)
         if known is not None and here != cell and cell in store.neighbours(here):
             return apply(known.astype(np.uint32), store.delta(here, cell)).astype(np.int64)
@@ -160,7 +158,7 @@ class Vlod:
 
     def _cells_ahead(self, view: View, motion: Vector) -> list[int]:
         """Computed cells that may be entered next, the likeliest first."""
-        store = self._scene.store
+        store = self._model.store
         direction = normalised(motion)
         if not direction.any():
             direction = view.forward

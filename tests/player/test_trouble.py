@@ -18,8 +18,8 @@ from player.camera.view import View
 from player.loading import prefetch
 from player.renderer.context import abilities
 from player.renderer.target import Target
-from player.scene import Scene, scene_of
 from player.shells.headless import play
+from player.shown_model import ShownModel, shown_model
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
 from storage.shards import files
 from storage.shards.shards import FRAME, TAIL_BYTES, shard_path
@@ -64,10 +64,10 @@ def server(rooms: Store) -> Iterator[UnsteadyServer]:
 class Player:
     """A walk that does not wait, frame by frame."""
 
-    def __init__(self, context: moderngl.Context, scene: Scene) -> None:
+    def __init__(self, context: moderngl.Context, model: ShownModel) -> None:
         self.able = abilities(context)
         self.target = Target(context, (160, 90), samples=0, reversed_depth=self.able.reversed_depth)
-        self.walk = Walkthrough(scene, context, self.able, Settings(wait=False))
+        self.walk = Walkthrough(model, context, self.able, Settings(wait=False))
 
     def frame(self, view: View) -> FrameStatistics:
         """Draws one frame; none may be held up by the store."""
@@ -97,14 +97,14 @@ COMPLETE = "s.computed and not s.absent and not s.replaced and not s.unreadable"
 @pytest.fixture
 def player(context: moderngl.Context, server: UnsteadyServer) -> Iterator[Player]:
     """Opened while the server is well, before any mesh or list was read."""
-    made = Player(context, scene_of(open_store(server.url)))
+    made = Player(context, shown_model(open_store(server.url)))
     yield made
     made.close()
 
 
 def _shown(player: Player, view: View, expected: Store, context: moderngl.Context) -> bool:
     """Whether the player's picture is what the sound store shows."""
-    sound = Player(context, scene_of(expected))
+    sound = Player(context, shown_model(expected))
     sound.until(view, COMPLETE)
     same = np.array_equal(sound.target.read(), player.target.read())
     sound.close()
@@ -112,9 +112,9 @@ def _shown(player: Player, view: View, expected: Store, context: moderngl.Contex
 
 
 def test_requests_that_fail_now_and_then_are_repeated_and_leave_no_trace(rooms: Store, server: UnsteadyServer) -> None:
-    expected = play(scene_of(rooms), walk_along(5), SCREEN, Settings())
+    expected = play(shown_model(rooms), walk_along(5), SCREEN, Settings())
     server.become("every third fails")
-    report = play(scene_of(open_store(server.url)), walk_along(5), SCREEN, Settings())
+    report = play(shown_model(open_store(server.url)), walk_along(5), SCREEN, Settings())
     assert server.refused > 1
     assert report.passed
     keys = ("triangles", "drawables", "cell", "computed", "unreadable", "trouble", "absent", "replaced")
@@ -172,10 +172,10 @@ def test_a_server_that_dies_and_comes_back_is_waited_for(
 
 @pytest.mark.parametrize("mood", ["fails", "silent"])
 def test_a_walk_that_waits_does_not_wait_for_ever_and_counts_what_lacks(server: UnsteadyServer, mood: str) -> None:
-    scene = scene_of(open_store(server.url))
+    model = shown_model(open_store(server.url))
     server.become(mood)
     began = time.monotonic()
-    report = play(scene, walk_along(5), SCREEN, Settings())
+    report = play(model, walk_along(5), SCREEN, Settings())
     assert time.monotonic() - began < 30
     assert report.content["totals"]["lacking_frames"] == 5
     assert any("cannot be read" in trouble for trouble in report.content["totals"]["troubles"])
@@ -183,7 +183,7 @@ def test_a_walk_that_waits_does_not_wait_for_ever_and_counts_what_lacks(server: 
 
 
 def test_a_walk_that_waits_is_whole_again_once_the_server_is_back(server: UnsteadyServer) -> None:
-    scene = scene_of(open_store(server.url))
+    model = shown_model(open_store(server.url))
     still = walk_along(1)
     many = CameraPath(np.arange(400) / 10, np.repeat(still.positions, 400, 0), np.repeat(still.orientations, 400, 0))
     server.become("fails")
@@ -200,7 +200,7 @@ def test_a_walk_that_waits_is_whole_again_once_the_server_is_back(server: Unstea
 
         def finish(self, note: str) -> None: ...
 
-    rows = play(scene, many, SCREEN, Settings(), progress=Repairs()).content["frames"]
+    rows = play(model, many, SCREEN, Settings(), progress=Repairs()).content["frames"]
     assert rows[0]["unreadable"] > 0
     assert rows[-1]["unreadable"] == rows[-1]["absent"] == rows[-1]["replaced"] == 0
     assert rows[-1]["computed"]
@@ -224,7 +224,7 @@ def damaged(rooms: Store, tmp_path: Path) -> tuple[Path, str]:
 
 def test_damage_is_said_by_file_and_the_walk_goes_on(damaged: tuple[Path, str], context: moderngl.Context) -> None:
     folder, name = damaged
-    player = Player(context, scene_of(open_store(folder)))
+    player = Player(context, shown_model(open_store(folder)))
     player.walk.use_strategy("none")  # draws the finest meshes
     said = player.until(inside_view(), "s.trouble")
     assert name in said.trouble
@@ -236,10 +236,10 @@ def test_damage_is_said_by_file_and_the_walk_goes_on(damaged: tuple[Path, str], 
 
 def test_damage_of_what_is_only_loaded_ahead_is_said_too(damaged: tuple[Path, str], context: moderngl.Context) -> None:
     folder, name = damaged
-    scene = scene_of(open_store(folder))
-    player = Player(context, scene)
-    player.walk.packs.prefetch(np.arange(len(scene.store.packs)))
-    for number in range(len(scene.store.packs)):
+    model = shown_model(open_store(folder))
+    player = Player(context, model)
+    player.walk.packs.prefetch(np.arange(len(model.store.packs)))
+    for number in range(len(model.store.packs)):
         player.walk.packs.keep(np.array([number]))
     empty = np.zeros(0, np.int64)
     deadline = time.monotonic() + PATIENCE

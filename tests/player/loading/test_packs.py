@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from player.loading.packs import Packs, octahedral, prepare
 from player.renderer.arena import Arena
-from player.renderer.facets import FacetTable
+from player.renderer.facet_table import FacetTable
 from player.renderer.instances import records, split
 from storage.store import Store
 

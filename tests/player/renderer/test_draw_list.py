@@ -19,7 +19,7 @@ from player.renderer.draw_list import (
     draw_tables,
     merged_runs,
 )
-from player.renderer.facets import CellBox, FacetTable, FacetUsers, PackFacets
+from player.renderer.facet_table import CellBox, FacetTable, FacetUsers, PackFacets
 from player.renderer.surfaces import draw_calls
 from storage.meshes.facets import CONE, part_meshes
 from storage.store import Store

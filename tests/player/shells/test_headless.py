@@ -12,10 +12,12 @@ from PIL import Image
 
 from player.camera.path import CameraPath
 from player.camera.view import looking
+from player.offers import names
 from player.renderer.context import headless_context
-from player.scene import Scene, scene_of
 from player.shells.headless import Report, ReportMaker, Screen, play, render, write_report
-from player.walkthrough import STRATEGIES, Settings
+from player.shown_model import ShownModel, shown_model
+from player.strategies import STRATEGIES
+from player.walkthrough import Settings
 from storage.store import Geometry, Store, open_store
 from tests.player.conftest import UP, store_path
 from tests.storage.tiny_store import make_store, room_parts
@@ -47,11 +49,11 @@ class Heard:
         self.calls.append(note)
 
 
-def played(scene: Scene, path: CameraPath, settings: Settings, **options: bool) -> tuple[list[np.ndarray], Report]:
+def played(model: ShownModel, path: CameraPath, settings: Settings, **options: bool) -> tuple[list[np.ndarray], Report]:
     """The pictures of a path, coverage included, and the report."""
-    keeping = ReportMaker(scene, path, SCREEN, settings)
+    keeping = ReportMaker(model, path, SCREEN, settings)
     pictures = []
-    for frame in render(scene, path, SCREEN, settings, **options):
+    for frame in render(model, path, SCREEN, settings, **options):
         keeping.add(frame)
         pictures.append(frame.picture)
     return pictures, keeping.report()
@@ -64,8 +66,8 @@ def _driver(context: object) -> None:
 
 def test_frames_and_report_say_what_happened(room: Store, tmp_path: Path) -> None:
     heard = Heard()
-    scene = scene_of(open_store(store_path(room)))
-    report = play(scene, walk_along(6), SCREEN, Settings(), frames=tmp_path / "f", progress=heard)
+    model = shown_model(open_store(store_path(room)))
+    report = play(model, walk_along(6), SCREEN, Settings(), frames=tmp_path / "f", progress=heard)
     assert heard.calls == ["rendering", *((n + 1, 6) for n in range(6)), "6 frames"]
     assert sorted(file.name for file in (tmp_path / "f").iterdir()) == [f"frame_{n:04d}.png" for n in range(6)]
     with Image.open(tmp_path / "f" / "frame_0003.png") as image:
@@ -96,8 +98,8 @@ def test_pictures_and_counts_do_not_depend_on_threads_or_cache(room: Store) -> N
         Settings(cache_bytes=1),
         Settings(prefetch=False),
     ):
-        scene = scene_of(open_store(store_path(room)))
-        pictures, report = played(scene, walk_along(4), settings)
+        model = shown_model(open_store(store_path(room)))
+        pictures, report = played(model, walk_along(4), settings)
         results.append((np.array(pictures), [[row[key] for key in keys] for row in report.content["frames"]]))
     for pictures, rows in results[1:]:
         assert np.array_equal(pictures, results[0][0])
@@ -107,16 +109,16 @@ def test_pictures_and_counts_do_not_depend_on_threads_or_cache(room: Store) -> N
 def test_what_is_fetched_is_the_same_in_every_run(room: Store) -> None:
     runs = []
     for _ in range(2):
-        scene = scene_of(open_store(store_path(room)))
-        rows = play(scene, walk_along(5), SCREEN, Settings(threads=3)).content["frames"]
+        model = shown_model(open_store(store_path(room)))
+        rows = play(model, walk_along(5), SCREEN, Settings(threads=3)).content["frames"]
         runs.append([(row["bytes_fetched"], row["cache_bytes"]) for row in rows])
     assert runs[0] == runs[1]
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", names(STRATEGIES))
 def test_a_complete_vlod_shows_what_the_full_model_shows(room: Store, strategy: str, tmp_path: Path) -> None:
     settings = replace(Settings(), strategy=strategy)
-    report = play(scene_of(room), walk_along(5), SCREEN, settings, frames=tmp_path, compare=True)
+    report = play(shown_model(room), walk_along(5), SCREEN, settings, frames=tmp_path, compare=True)
     assert report.passed
     compared = report.content["compare"]
     assert compared["holes"] == 0
@@ -132,7 +134,7 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
         return cut[geometry.drawables["lo"][cut, 0] < 7.9]  # not the east wall
 
     store = make_store(tmp_path / "s", room_parts(), depth=1, visible=visible)
-    report = play(scene_of(store), walk_along(5), SCREEN, Settings(), frames=tmp_path / "f", compare=True)
+    report = play(shown_model(store), walk_along(5), SCREEN, Settings(), frames=tmp_path / "f", compare=True)
     assert not report.passed
     compared = report.content["compare"]
     assert compared["holes"] > 100
@@ -145,18 +147,18 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
 
 def test_outside_the_computed_cells_there_is_a_picture(odd_room: Store) -> None:
     path = CameraPath(np.zeros(1), np.array([[-6.0, -5.0, 6.0]]), np.array([looking((10, 8, -5), UP)]))
-    pictures, report = played(scene_of(odd_room), path, Settings(), compare=True)
+    pictures, report = played(shown_model(odd_room), path, Settings(), compare=True)
     assert not report.content["frames"][0]["computed"]
     assert report.content["frames"][0]["cell"] == -1
     assert pictures[0][..., 3].any()
     assert report.passed
 
 
-def test_without_waiting_every_frame_comes_at_once_and_the_picture_completes(scene: Scene) -> None:
+def test_without_waiting_every_frame_comes_at_once_and_the_picture_completes(model: ShownModel) -> None:
     path = walk_along(1)
     still = CameraPath(np.arange(300) / 10, np.repeat(path.positions, 300, 0), np.repeat(path.orientations, 300, 0))
-    pictures, report = played(scene, still, Settings(wait=False))
-    waited, _ = played(scene, path, Settings())
+    pictures, report = played(model, still, Settings(wait=False))
+    waited, _ = played(model, path, Settings())
     last = report.content["frames"][-1]
     assert last["absent"] == last["replaced"] == 0
     assert last["computed"]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from player.renderer.arena import FreeList
+from player.renderer.free_list import FreeList
 from storage.meshes.facets import CONE, find_turned_away
 
 

@@ -13,7 +13,7 @@ from storage.store import Store
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ShownModel:
     """A store's model as the player sees it."""
 
     store: Store
@@ -40,10 +40,10 @@ class Scene:
         return float(self.store.manifest.parameters.get("pixel_error", 1.0))
 
 
-def scene_of(store: Store) -> Scene:
-    """The scene of an opened store."""
+def shown_model(store: Store) -> ShownModel:
+    """The model of an opened store."""
     nodes, drawables = store.nodes, store.drawables
-    return Scene(
+    return ShownModel(
         store=store,
         node_boxes=boxes_between(nodes["lo"], nodes["hi"]),
         drawable_lo=np.ascontiguousarray(drawables["lo"]),

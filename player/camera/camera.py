@@ -1,4 +1,4 @@
-"""How keys and mouse move the camera: flying freely, or walking over floors. Knows nothing of windows."""
+"""A camera that is steered: where it is, where it looks, how fast it is, and which keys are held. Knows no windows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from player.camera.view import (
-    AXES,
     Vector,
     direction_yaw_pitch,
     looking,
@@ -17,7 +16,7 @@ from player.camera.view import (
     yaw_pitch_direction,
 )
 
-#: What a held key does, as a direction: right, up, forward.
+#: What a held key asks for, as a direction: right, up, forward.
 MOVES: dict[str, tuple[float, float, float]] = {
     "forward": (0, 0, 1),
     "back": (0, 0, -1),
@@ -26,6 +25,9 @@ MOVES: dict[str, tuple[float, float, float]] = {
     "up": (0, 1, 0),
     "down": (0, -1, 0),
 }
+
+#: What is held to move four times as fast.
+FAST = "fast"
 
 _STEEPEST = math.radians(89)
 
@@ -39,13 +41,17 @@ class Camera:
     pitch: float  # radians above the horizon
     up: str  # the model's up axis
     speed: float  # model units per second
-    walking: bool = False  # keeps to the horizontal, over floors
-    held: set[str] = field(default_factory=set)  # names of MOVES, and "fast"
+    held: set[str] = field(default_factory=set)  # names of MOVES, and FAST
 
     @property
     def forward(self) -> Vector:
         """Unit direction (3,) of sight."""
         return yaw_pitch_direction(self.yaw, self.pitch, self.up)
+
+    @property
+    def level(self) -> Vector:
+        """Unit direction (3,) of sight without its rise or fall."""
+        return yaw_pitch_direction(self.yaw, 0.0, self.up)
 
     @property
     def orientation(self) -> Vector:
@@ -66,20 +72,19 @@ class Camera:
         """Changes the speed by notches of the mouse wheel; negative ones slow down."""
         self.speed *= 1.2**notches
 
-    def motion(self, seconds: float) -> Vector:
-        """Displacement (3,) in model units that the held keys ask for in this time."""
+    def hold(self, name: str, down: bool) -> None:
+        """A key that stands for one of MOVES, or for FAST, went down or up."""
+        if down:
+            self.held.add(name)
+        else:
+            self.held.discard(name)
+
+    def asked(self, ahead: Vector, seconds: float) -> Vector:
+        """Displacement (3,) in model units that the held keys ask for in this time; ahead (3,): where forward is."""
         right, up, forward = (sum(MOVES[name][axis] for name in self.held & MOVES.keys()) for axis in range(3))
         up_direction = up_vector(self.up)
-        ahead = yaw_pitch_direction(self.yaw, 0.0, self.up) if self.walking else self.forward
-        sideways = np.cross(yaw_pitch_direction(self.yaw, 0.0, self.up), up_direction)
-        direction = right * sideways + up * up_direction + forward * ahead
+        direction = right * np.cross(self.level, up_direction) + up * up_direction + forward * ahead
         length = float(np.sqrt((direction * direction).sum()))
         if length == 0:
             return np.zeros(3)
-        return direction / length * self.speed * seconds * (4 if "fast" in self.held else 1)
-
-    def stand(self, floor: float, eye_height: float, seconds: float) -> None:
-        """Brings the eye towards `eye_height` above a floor that lies `floor` model units below it."""
-        if math.isfinite(floor):
-            axis = AXES[self.up]
-            self.position[axis] += (eye_height - floor) * (1 - math.exp(-10 * seconds))
+        return direction / length * self.speed * seconds * (4 if FAST in self.held else 1)

@@ -34,7 +34,7 @@ def _with(monkeypatch: pytest.MonkeyPatch, error: BaseException | int) -> Result
 
 def test_help_lists_all_commands_and_imports_nothing_heavy() -> None:
     code = (
-        "import sys\nfrom storage import command\n"
+        "import sys\nfrom storage.cli import command\n"
         "try:\n    command.vlod.main(['--help'])\nexcept SystemExit as end:\n    assert end.code == 0\n"
         "heavy = {'numpy', 'numba', 'rich', 'fsspec', 'zstandard', 'ray', 'trimesh', 'moderngl'}\n"
         "sys.stderr.write(repr(sorted(heavy & set(sys.modules))))"

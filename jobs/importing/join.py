@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jobs.importing.keeping.saved import MeshView, Placement
+from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.repair import FARTHEST, repair
-from jobs.importing.reading.scene import Defect, SourceScene, Tally, compose
+from jobs.importing.reading.source_scene import SourceScene, compose
 from storage.base.errors import ModelError, ParameterError
 from storage.meshes.placement import IDENTITY
 

@@ -23,7 +23,7 @@ from storage.base.temporary import temporary_path
 from storage.model.tables import Grid
 
 if TYPE_CHECKING:
-    from jobs.importing.reading.scene import SourceScene
+    from jobs.importing.reading.source_scene import SourceScene
 
 __all__ = [
     "MESH",

@@ -9,7 +9,7 @@ import numpy as np
 
 from jobs.importing.model import MeshView, Placement, write_model
 from jobs.importing.reading.repair import repair
-from jobs.importing.reading.scene import SourceMesh
+from jobs.importing.reading.source_scene import SourceMesh
 from jobs.parameters import BuildParameters
 from storage.model.cut import cut_within
 from storage.model.tree import leaves, parents

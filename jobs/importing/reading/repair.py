@@ -13,7 +13,8 @@ import numpy as np
 
 from jobs.importing.keeping.saved import MeshView
 from jobs.importing.reading.colours import DEFAULT_COLOUR
-from jobs.importing.reading.scene import Defect, SourceMesh
+from jobs.importing.reading.defects import Defect
+from jobs.importing.reading.source_scene import SourceMesh
 
 #: Positions beyond this are taken for garbage: no model needs them, and their squares stay far from overflow.
 FARTHEST = 1e15

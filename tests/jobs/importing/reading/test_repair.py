@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.repair import first_equal, repair
-from jobs.importing.reading.scene import Defect, SourceMesh
+from jobs.importing.reading.source_scene import SourceMesh
 from tests.jobs.importing.shapes import box, terrain
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.importing.reading.repair import first_equal
+from jobs.importing.reading.equal_rows import first_equal
 from jobs.importing.reading.source_scene import SourceMesh
 
 

@@ -1,11 +1,15 @@
 """Demo scenes: generated models of any size for those without one at hand, and for scaling tests.
 
-`write_scene` writes one, `viewpoints` tells where a person can stand in it. Read in this order:
+`write_scene` writes one, `viewpoints` tells where a person can stand in it.
+
+Read in this order:
 
     kinds        the list of all scenes: a new one is its own file and one line here
     demo_scene   writing a scene of a given kind, size and seed
     things/      what scenes are made of
-    offices, plant, city    the scenes
+    offices      towers of offices
+    plant        an industrial plant
+    city         blocks with buildings one can walk into
 """
 
 from __future__ import annotations

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
 from jobs.importing.reading.content import Content, ContentPart, whole
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.needs import TEXEL, TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, texels_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes, compose
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -6,8 +6,8 @@ store. The file's bytes are a pure function of what it says, and it carries a ch
 found.
 
 A manifest may have sections that this code does not know, made by a later one. They are ignored, unless the manifest's
-`requires` names them: whoever does not know such a section would read the store wrongly. Wherever a manifest names a
-shard it is an object with `name` and `bytes`, so that all of a version's shards are found, whoever wrote it.
+`requires` names them: whoever does not know such a section would read the store wrongly. Wherever such a section names
+a shard it is an object with `name` and `bytes`: all of a version's shards are found, whoever wrote it.
 """
 
 from __future__ import annotations

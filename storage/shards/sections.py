@@ -1,8 +1,8 @@
 """The sections of a manifest: what it says of the model, its geometry and its view cells.
 
-Each is written to JSON by the names of its fields. A section may get new fields: readers ignore those that they do not
-know. What is new as a whole is a section of its own, beside these, that readers may ignore too, unless the manifest
-says that it is required: see `storage.shards.manifest`.
+Each is written to JSON by the names of its fields. A section may get new fields that name no shards: readers ignore
+those that they do not know. What is new as a whole is a section of its own, beside these, that readers may ignore too,
+unless the manifest says that it is required: see `storage.shards.manifest`.
 """
 
 from __future__ import annotations

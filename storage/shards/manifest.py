@@ -86,7 +86,8 @@ _OWN = tuple(field.name for field in dataclasses.fields(Manifest) if field.name 
 
 def to_bytes(manifest: Manifest) -> bytes:
     """The manifest as the content of `manifest.json`."""
-    return _with_checksum({**manifest.others, **{name: to_json(getattr(manifest, name)) for name in _OWN}})
+    content = {**manifest.others, **{name: to_json(getattr(manifest, name)) for name in _OWN}}
+    return _as_text(content, _checksum(content))
 
 
 def from_bytes(data: bytes, place: str, file: str = FILE) -> Manifest:
@@ -101,7 +102,7 @@ def from_bytes(data: bytes, place: str, file: str = FILE) -> Manifest:
         content = json.loads(data)
         found = content.pop("checksum")
         number = content["format"]
-        as_written = found == _checksum(content) and _with_checksum(content) == data
+        as_written = found == _checksum(content) and _as_text(content, found) == data
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise CorruptStoreError(f"{damaged}: it is not a vLOD manifest; {CURE}", file) from error
     if not as_written:
@@ -179,6 +180,6 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return hashlib.blake2b(canonical.encode(), digest_size=16).hexdigest()
 
 
-def _with_checksum(content: Mapping[str, Any]) -> bytes:
-    text = json.dumps({**content, "checksum": _checksum(content)}, sort_keys=True, allow_nan=False, indent=1)
+def _as_text(content: Mapping[str, Any], checksum: str) -> bytes:
+    text = json.dumps({**content, "checksum": checksum}, sort_keys=True, allow_nan=False, indent=1)
     return text.encode() + b"\n"

@@ -36,8 +36,9 @@ def from_json(kind: type[T], value: Any, place: str) -> T:
     place: what `value` is, for errors. Raises ValueError, which names the place inside, for what is missing or of
     another type.
     """
+    read: _Read = _reader(typing.cast(Any, kind))
     try:
-        return typing.cast(T, _reader(kind)(value))
+        return typing.cast(T, read(value))
     except _MisfitError as error:
         raise ValueError(f"{place}{''.join(reversed(error.places))} {error}") from None
 

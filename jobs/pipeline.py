@@ -37,7 +37,7 @@ from storage.base.typed_json import from_json
 from storage.model.cut import pixel_angle
 from storage.shards.manifest import Manifest, commit, current
 from storage.shards.sections import CellShardRecord, ModelSection
-from storage.writer import cells_section
+from storage.vlod_writer import cells_section
 
 
 def build(

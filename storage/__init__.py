@@ -9,7 +9,8 @@ Read in this order:
     vlod_reader        reading what can be seen from cells
     store              opening a store, and all that can be read from it
     check              every byte of a store against its checksums
-    writer             writing a store
+    geometry_writer    writing geometry, and the order in which a store is written
+    vlod_writer        writing what can be seen from cells
     cli/               `vlod`, the command line, and `vlod info`
     base/              errors, kernels and other things that all of it uses
 

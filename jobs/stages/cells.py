@@ -68,7 +68,7 @@ def shards_needed(place: Workplace, key: str) -> list[list[int]]:
 
 def write_cells(work: Assignment) -> dict[str, Any]:
     """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
-    from storage.writer import write_cell_shard
+    from storage.vlod_writer import write_cell_shard
 
     layout = work.place.result(LAYOUT.name, work.places["layout"])
     starts = np.load(layout / "starts.npy")

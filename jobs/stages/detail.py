@@ -153,8 +153,8 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all tasks on detail to the model's tables and the manifest's section on geometry."""
     from jobs.detail.assemble import join_nodes
+    from storage.geometry_writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
     from storage.model.tables import INSTANCE, PART
-    from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])
@@ -212,7 +212,7 @@ class _Output:
     def write(self, made: Iterator[tuple[int, Node]]) -> dict[str, Any]:
         """Writes the levels of all nodes, and the rows; returns the task's record."""
         from jobs.detail.assemble import make_rows
-        from storage.writer import write_geometry_shard
+        from storage.geometry_writer import write_geometry_shard
 
         levels = (
             (

@@ -39,8 +39,8 @@ class Manifest:
     model: ModelSection
     pixel_angle: float  # model units per unit of distance that one pixel spans: storage.model.cut.pixel_angle
     parameters: Mapping[str, Any]  # every parameter of the build, as JSON holds them
-    geometry: GeometrySection  # made by storage.writer.geometry_section
-    cells: CellsSection | None  # made by storage.writer.cells_section; None before there are any
+    geometry: GeometrySection  # made by storage.geometry_writer.geometry_section
+    cells: CellsSection | None  # made by storage.vlod_writer.cells_section; None before there are any
     version: int = 0  # counts up from 1; given by `commit`
     format: int = FORMAT
     requires: tuple[str, ...] = ()  # names of sections without which the store cannot be read rightly

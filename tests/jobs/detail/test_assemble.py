@@ -18,10 +18,10 @@ from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from storage.base.progress import Silent
+from storage.geometry_reader import open_geometry
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves
-from storage.store import open_geometry
 
 entries = st.floats(-100, 100, allow_nan=False).filter(lambda value: value == 0 or abs(value) > 1e-3)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from jobs.scenes.kinds import KINDS
 from storage.base.amounts import Bytes
 
 _BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
@@ -175,7 +176,7 @@ def build(
     from jobs.importing.inputs import total_bytes
     from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
-    from jobs.running.choose_executor import choose_executor
+    from jobs.running.choose_executor import AUTO_RAY_BYTES, choose_executor
     from storage.base.progress import progress_for
 
     if not inputs:
@@ -187,7 +188,7 @@ def build(
     parameters = BuildParameters(**options)
     # What ends a job on a cluster is treated as the user's own interrupt: workers stop, what is finished is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
+    chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs, AUTO_RAY_BYTES))
     try:
         with progress_for() as progress:
             done = build_store(inputs, store, parameters, chosen, progress, work, memory)
@@ -244,7 +245,7 @@ def verify(
 @click.command(
     "demo-scene", epilog="Example: vlod demo-scene plant plant.glb --triangles 1000000", no_args_is_help=True
 )
-@click.argument("kind", type=click.Choice(["plant", "city", "offices"]))
+@click.argument("kind", type=click.Choice(tuple(KINDS)))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--triangles", type=int, default=300_000, show_default=True, help="Size of the scene, instances counted.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Another seed, another scene.")
@@ -283,7 +284,7 @@ def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from storage.cli.info import MAY_MISS
+    from storage.cli.text import MAY_MISS
 
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")

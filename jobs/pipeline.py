@@ -33,9 +33,11 @@ from jobs.running.workplace import Workplace
 from jobs.stages.detail import geometry_section_of
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
+from storage.base.typed_json import from_json
 from storage.model.cut import pixel_angle
 from storage.shards.manifest import Manifest, commit, current
-from storage.writer import cells_section
+from storage.shards.sections import CellShardRecord, ModelSection
+from storage.vlod_writer import cells_section
 
 
 def build(
@@ -81,13 +83,16 @@ def build(
         layout = run.one(plan.layout_task(cells))
         shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
 
-        names = [str(shard.record["shards"][0][0]) for shard in shards]
+        written = []
+        for shard in shards:
+            ((name, size),) = shard.record["shards"]
+            written.append(CellShardRecord(name, size, shard.record["cells"], shard.record["codec"]))
         manifest = Manifest(
-            model=model,
+            model=from_json(ModelSection, model, "the model"),
             pixel_angle=angle,
             parameters=parameters.to_json(),
             geometry=geometry_section_of(place, tables.key),
-            cells=cells_section(place.store, space.octree, names),
+            cells=cells_section(place.store, space.octree, written),
         )
         version = commit(place.store, manifest)
     return BuildReport(

@@ -273,7 +273,7 @@ class CellsPlan:
         from jobs.cells.budget import check_budget
         from jobs.cells.subtree import triangles_needed
         from storage.cells.octree import ROOT
-        from storage.store import open_geometry
+        from storage.geometry_reader import open_geometry
 
         geometry = open_geometry(place.store, geometry_section_of(place, self._tables.key))
         check_budget(geometry, self._options.max_triangles)

@@ -20,10 +20,11 @@ from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.surfaces.soup import Soup, build_soup
 from storage.cells import octree
 from storage.cells.octree import Octree
+from storage.geometry_reader import Geometry
+from storage.meshes.turned_away import Facets
 from storage.model.cut import UNBOUNDED, choose_cut, possible_drawables
 from storage.model.tables import CELL
 from storage.model.tree import leaves
-from storage.store import Facets, Geometry
 
 #: A cell whose vLOD is above the target stays whole where its children would save less than this part of its triangles,
 #: on average: their number and their changes are stored for next to nothing. Only where one task knows all of them.

@@ -14,10 +14,11 @@ from jobs.running.tasks import Assignment, Json, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import CELLS, LAYOUT, TABLES
 from jobs.stages.detail import SECTION
+from storage.base.typed_json import from_json
 
 if TYPE_CHECKING:
     from jobs.cells.subtree import CellParameters
-    from storage.store import Geometry
+    from storage.geometry_reader import Geometry
 
 #: File of a layout task: see `shards_needed`.
 NEEDS = "needs.json"
@@ -67,7 +68,7 @@ def shards_needed(place: Workplace, key: str) -> list[list[int]]:
 
 def write_cells(work: Assignment) -> dict[str, Any]:
     """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
-    from storage.writer import write_cell_shard
+    from storage.vlod_writer import write_cell_shard
 
     layout = work.place.result(LAYOUT.name, work.places["layout"])
     starts = np.load(layout / "starts.npy")
@@ -84,14 +85,14 @@ def write_cells(work: Assignment) -> dict[str, Any]:
             sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
         if other == number:
             cells = np.load(folder / "cells.npy")
-    name = write_cell_shard(
+    shard = write_cell_shard(
         work.place.store,
         cells,
         [sets[cell] for cell in range(first, end)],
         [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
         first=first,
     )
-    return {"shards": [[name, (work.place.store / "shards" / name).stat().st_size]]}
+    return {"shards": [[shard.name, shard.bytes]], "cells": shard.cells, "codec": shard.codec}
 
 
 def cell_parameters(payload: Json) -> CellParameters:
@@ -113,6 +114,7 @@ def cell_parameters(payload: Json) -> CellParameters:
 @functools.lru_cache(maxsize=1)
 def _geometry(root: Path, section: Path) -> Geometry:
     """The geometry of a store that has no cells yet; a worker keeps it for its next task."""
-    from storage.store import open_geometry
+    from storage.geometry_reader import open_geometry
+    from storage.shards.sections import GeometrySection
 
-    return open_geometry(root, json.loads(section.read_text()))
+    return open_geometry(root, from_json(GeometrySection, json.loads(section.read_text()), str(section)))

@@ -15,12 +15,14 @@ from jobs.running.tasks import Assignment, content_key, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import NODES, PIECES, SHARED, TABLES
 from jobs.stages.model import Shapes, detail_options, imported_model
+from storage.base.typed_json import from_json, to_json
 
 if TYPE_CHECKING:
     from jobs.detail.assemble import Placed
     from jobs.detail.leaf import Member
     from jobs.detail.node import Node, Offer
     from jobs.detail.pieces import PieceSet
+    from storage.shards.sections import GeometrySection
 
 #: File of a tables task: the manifest's section on geometry.
 SECTION = "geometry.json"
@@ -151,8 +153,8 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all tasks on detail to the model's tables and the manifest's section on geometry."""
     from jobs.detail.assemble import join_nodes
+    from storage.geometry_writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
     from storage.model.tables import INSTANCE, PART
-    from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
     model = imported_model(work.place, work.places["import"])
     shapes = Shapes.open(work.place, work.places["hierarchy"])
@@ -176,15 +178,19 @@ def join_tables(work: Assignment) -> dict[str, Any]:
     instances["matrix"] = placed
     names = [model.names[name] for name in model.parts["name"].tolist()]
     written = write_tables_shard(work.place.store, parts, names, instances, geometry, packs, nodes, drawables)
-    section = geometry_section(work.place.store, model.grid.step, written, shards)
-    (work.out / SECTION).write_text(json.dumps(section, sort_keys=True))
-    return {"shards": [section["tables"]], "content": content_key(section), "counts": section["counts"]}
+    section = geometry_section(model.grid.step, written, shards)
+    content = to_json(section)
+    (work.out / SECTION).write_text(json.dumps(content, sort_keys=True))
+    tables = [section.tables.name, section.tables.bytes]
+    return {"shards": [tables], "content": content_key(content), "counts": content["counts"]}
 
 
-def geometry_section_of(place: Workplace, key: str) -> dict[str, Any]:
+def geometry_section_of(place: Workplace, key: str) -> GeometrySection:
     """The manifest's section on geometry, from a tables task."""
-    section: dict[str, Any] = json.loads((place.result(TABLES.name, key) / SECTION).read_text())
-    return section
+    from storage.shards.sections import GeometrySection
+
+    path = place.result(TABLES.name, key) / SECTION
+    return from_json(GeometrySection, json.loads(path.read_text()), str(path))
 
 
 @dataclass
@@ -206,7 +212,7 @@ class _Output:
     def write(self, made: Iterator[tuple[int, Node]]) -> dict[str, Any]:
         """Writes the levels of all nodes, and the rows; returns the task's record."""
         from jobs.detail.assemble import make_rows
-        from storage.writer import write_geometry_shard
+        from storage.geometry_writer import write_geometry_shard
 
         levels = (
             (

@@ -152,7 +152,7 @@ class ReportMaker:
             "screen": asdict(screen),
             "graphics": None,
             "settings": asdict(settings),
-            "model_triangles": int(model.store.manifest.model["triangles"]),
+            "model_triangles": model.store.manifest.model.triangles,
         }
         self._rows: list[dict[str, Any]] = []
         self._worst: Frame | None = None

@@ -70,7 +70,7 @@ class Viewer:
         self.show_help = False
         self.message = "H: help"
         position, orientation = options.path.pose(0)
-        up = str(model.store.manifest.model["up"])
+        up = model.store.manifest.model.up
         self.camera = Camera(np.array(position), 0.0, 0.0, up, speed=2 * options.eye_height)
         self.camera.look_at(position, orientation)
         self.recorder = Recorder(options.output, options.path, replay=options.replay)
@@ -237,7 +237,7 @@ class Viewer:
                 pending=pending,
                 moving=named(steering.STEERINGS, self.steering_name, "way to steer").shows,
                 speed=self.camera.speed,
-                model_triangles=int(self.model.store.manifest.model["triangles"]),
+                model_triangles=self.model.store.manifest.model.triangles,
             )
             self._write(statistics_rows(s, now), "top left")
         if self.show_help:

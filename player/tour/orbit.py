@@ -15,7 +15,7 @@ from player.tour.tour import FRAMES_PER_SECOND
 
 def turn_around(model: ShownModel, known: Survey, *, frames: int, seed: int) -> CameraPath:  # noqa: ARG001
     """A turn of `frames` poses around the model, looking at its middle from a little above."""
-    up_name = str(model.store.manifest.model["up"])
+    up_name = model.store.manifest.model.up
     up = up_vector(up_name)
     centre = (model.lo + model.hi) / 2
     start = np.random.default_rng(seed).random() * 2 * math.pi

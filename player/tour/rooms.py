@@ -57,7 +57,7 @@ def walk_through_rooms(model: ShownModel, known: Survey, *, frames: int, seed: i
 def _region(model: ShownModel, voxels: Voxels, eyes: float) -> _Region | None:
     """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
     store, occupied = model.store, voxels.occupied
-    up = AXES[str(store.manifest.model["up"])]
+    up = AXES[store.manifest.model.up]
     eye = eyes / voxels.size
     room = clearance(occupied)
     below = free_run(occupied, up, -1)
@@ -175,7 +175,7 @@ def _eroded(values: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
 
 def _looking_ahead(model: ShownModel, positions: NDArray[np.float64], eyes: float) -> CameraPath:
     """Poses that look along the motion, a little ahead, turning smoothly and never far up or down."""
-    up_name = str(model.store.manifest.model["up"])
+    up_name = model.store.manifest.model.up
     up = up_vector(up_name)
     step = max(float(np.sqrt(((positions[1] - positions[0]) ** 2).sum())), 1e-12)
     ahead = max(2, round(1.5 * eyes / step))

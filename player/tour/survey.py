@@ -95,8 +95,8 @@ def _coarse(model: ShownModel, error: float) -> NDArray[np.int64]:
 def _eye_height(model: ShownModel, voxels: Voxels) -> float:
     """Height of a walker's eyes in model units: a person's, unless the rooms' height says that the unit is a guess."""
     facts = model.store.manifest.model
-    up = AXES[str(facts["up"])]
-    person = _EYE_HEIGHT / float(facts["unit_in_metres"])
+    up = AXES[facts.up]
+    person = _EYE_HEIGHT / facts.unit_in_metres
     floors = free_run(voxels.occupied, up, -1) == 0
     floors &= ~voxels.occupied
     above = free_run(voxels.occupied, up, 1)[floors]

@@ -29,8 +29,8 @@ from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath
 from player.camera.view import looking, up_vector, yaw_pitch_direction
-from player.shown_model import ShownModel, shown_model
 from player.shells.headless import Screen, render
+from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings
 from storage.base.progress import Silent
 from storage.store import open_store
@@ -66,7 +66,7 @@ def without(file: Path, words: list[str]) -> None:
 
 def outside(model: ShownModel, yaw: float, pitch: float) -> CameraPath:
     """One pose that looks at the model from a direction in degrees and has all of it in the picture."""
-    up = str(model.store.manifest.model["up"])
+    up = model.store.manifest.model.up
     ahead = -yaw_pitch_direction(np.radians(yaw), np.radians(pitch), up)
     orientation = looking(ahead, up_vector(up))
     right = np.cross(ahead, up_vector(up))

@@ -18,8 +18,8 @@ from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from jobs.stages.model import imported_model
 from storage.base.progress import Silent
+from storage.geometry_reader import Geometry, open_geometry
 from storage.meshes.placement import transform_points
-from storage.store import Geometry, open_geometry
 
 Shape = tuple[np.ndarray, np.ndarray]
 

@@ -17,8 +17,9 @@ from jobs.stages.cells import cell_parameters as from_payload
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store
 from storage.cells import octree
+from storage.geometry_reader import Geometry
 from storage.model.cut import pixel_angle
-from storage.store import Geometry, Store
+from storage.store import Store
 from tests.jobs.built_geometry import build_geometry
 
 PARAMETERS = BuildParameters(triangles_per_cell=2000, max_depth=3, quality="draft")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.detail.assemble import float32_down, float32_up, largest_stretch
-from jobs.importing.model import MeshView, Placement, open_model, write_model
+from jobs.importing.model import MeshView, Part, open_model, write_model
 from jobs.parameters import BuildParameters
 from jobs.pipeline import Run, make_levels
 from jobs.running.executors import SerialExecutor
@@ -18,10 +18,10 @@ from jobs.running.workplace import Workplace
 from jobs.stages import IMPORT
 from jobs.stages.detail import geometry_section_of
 from storage.base.progress import Silent
+from storage.geometry_reader import open_geometry
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves
-from storage.store import open_geometry
 
 entries = st.floats(-100, 100, allow_nan=False).filter(lambda value: value == 0 or abs(value) > 1e-3)
 
@@ -85,9 +85,9 @@ def placed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("placed")
     points, faces = sphere()
     ball = MeshView.of(points, faces)
-    placements = [Placement(0, name, matrix) for name, matrix in MATRICES.items()]
+    placements = [Part(0, name, matrix) for name, matrix in MATRICES.items()]
     alone = MeshView.of(points * 2 + [0, 0, 20], faces)
-    placements.append(Placement(1, "alone", np.eye(3, 4)))
+    placements.append(Part(1, "alone", np.eye(3, 4)))
     place = Workplace(folder / "work", folder)
     write_model(place.result(IMPORT.name, "m") / "model", [ball, alone], placements)
     model = open_model(place.result(IMPORT.name, "m") / "model")

@@ -21,7 +21,7 @@ SIDE = 301
 IMPORT = """
 import sys, tempfile
 from pathlib import Path
-import numpy, trimesh.exchange.stl
+import numpy
 from jobs.importing.model import import_model
 from jobs.running.memory import peak_memory, reset_peak
 reset_peak()
@@ -96,6 +96,15 @@ def test_many_meshes_count_as_the_largest(tmp_path):
             scene.node(mesh=scene.mesh(scene.primitive(*terrain(33))))
         sizes.append(import_memory([scene.write(tmp_path / f"{count}.glb")]))
     assert sizes[0] < sizes[1] < 2 * sizes[0]
+
+
+def test_primitives_without_positions_count_nothing(tmp_path):
+    estimates = []
+    for extra in ([], [{"attributes": {}}]):
+        scene = Glb()
+        scene.node(mesh=scene.mesh(scene.primitive(*terrain(33)), *extra))
+        estimates.append(import_memory([scene.write(tmp_path / "a.glb")]))
+    assert 0 < estimates[0] < estimates[1] < estimates[0] + 1000  # a longer header
 
 
 def test_the_largest_group_of_an_obj_counts_most(tmp_path):

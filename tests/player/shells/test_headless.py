@@ -18,7 +18,8 @@ from player.shells.headless import Report, ReportMaker, Screen, play, render, wr
 from player.shown_model import ShownModel, shown_model
 from player.strategies import STRATEGIES
 from player.walkthrough import Settings
-from storage.store import Geometry, Store, open_store
+from storage.geometry_reader import Geometry
+from storage.store import Store, open_store
 from tests.player.conftest import UP, store_path
 from tests.storage.tiny_store import make_store, room_parts
 

@@ -132,7 +132,7 @@ def test_a_window_stays_open_over_a_store_that_is_gone(room: Store, context: mod
     shutil.copytree(store_path(room), tmp_path / "store")
     store = open_store(tmp_path / "store")
     viewer = _viewer(context, shown_model(store), tmp_path)
-    names_of_shards = [name for name, *_ in store.manifest.geometry["shards"]]
+    names_of_shards = [shard.name for shard in store.manifest.geometry.shards]
     for name in names_of_shards:
         (tmp_path / "store" / shard_path(name)).unlink()
     statistics = viewer.step(0.02)

@@ -90,7 +90,7 @@ class Geometry:
         return LocalMesh(
             decoded.positions[vertices],
             decoded.triangles[triangles],
-            decoded.normals[vertices],
+            decoded.folded[vertices],
             decoded.colours[vertices],
             float(row["scale"]),
         )

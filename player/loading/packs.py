@@ -25,18 +25,6 @@ class PreparedPack(NamedTuple):
     facets: PackFacets
 
 
-def octahedral(normals: NDArray[np.float32]) -> NDArray[np.int16]:
-    """Unit normals (n, 3) folded onto an octahedron: (n, 2) int16, -32767 ... 32767. A zero normal becomes +z.
-
-    Based on: Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 3(2), 2014.
-    """
-    length = np.abs(normals).sum(axis=1, keepdims=True)
-    n = normals / np.where(length > 0, length, 1)
-    folded = (1 - np.abs(n[:, [1, 0]])) * np.where(n[:, :2] >= 0, 1, -1)
-    xy = np.where(n[:, 2:] < 0, folded, n[:, :2])
-    return np.rint(xy * 32767).astype(np.int16)
-
-
 def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: float) -> PreparedPack:
     """Vertices in grid units, pack-wide indices in the order of the facets, and the facets, of a decoded pack.
 
@@ -47,7 +35,7 @@ def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: fl
     vertices = np.zeros(len(pack.positions), VERTEX)
     scale = np.repeat(rows["scale"] / step, rows["vertices"])
     vertices["position"] = pack.positions * scale[:, None]
-    vertices["normal"] = octahedral(pack.normals)
+    vertices["normal"] = pack.folded
     vertices["colour"] = pack.colours
     triangles = pack.triangles + np.repeat(rows["vertex_start"], rows["triangles"])[:, None]
     order, counts, facets, cones = part_meshes(

@@ -18,7 +18,7 @@ from player.renderer.free_list import FreeList
 VERTEX = np.dtype(
     [
         ("position", "<f4", (3,)),  # grid units; whole numbers where the mesh lies in model space
-        ("normal", "<i2", (2,)),  # octahedral, -32767 ... 32767
+        ("normal", "<i2", (2,)),  # octahedral, as stored: storage.meshes.normals
         ("colour", "u1", (4,)),  # red, green, blue, alpha as stored
     ]
 )

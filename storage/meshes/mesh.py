@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from storage.meshes.normals import from_octahedral
 from storage.meshes.placement import normal_matrix, placed, transform_points
 
 
@@ -15,9 +16,16 @@ class LocalMesh(NamedTuple):
 
     positions: NDArray[np.int32]  # (n, 3)
     triangles: NDArray[np.uint32]  # (m, 3)
-    normals: NDArray[np.float32]  # (n, 3), unit
+    folded: NDArray[np.int16]  # (n, 2), the normals in octahedral coordinates: storage.meshes.normals
     colours: NDArray[np.uint8]  # (n, 4)
     scale: float  # local units per integer step, a power of two
+
+    @property
+    def normals(self) -> NDArray[np.float32]:
+        """Unit normals (n, 3), unfolded now. Read-only."""
+        normals = from_octahedral(self.folded.astype(np.int32))
+        normals.flags.writeable = False
+        return normals
 
 
 class Mesh(NamedTuple):

@@ -1,4 +1,7 @@
-"""What the strategies know of a store: its tables, with the boxes laid out for fast tests."""
+"""What the player knows of a store: its tables, with the boxes of nodes laid out for fast tests.
+
+What is asked of few drawables at a time is read from the store's own tables: these are never copied as a whole.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,16 @@ class ShownModel:
 
     store: Store
     node_boxes: Boxes
-    drawable_lo: NDArray[np.float32]  # (drawables, 3), model units
-    drawable_hi: NDArray[np.float32]
-    node_of: NDArray[np.int64]  # (drawables,)
     first_drawable: NDArray[np.int64]  # (nodes,)
     levels: NDArray[np.int64]  # (nodes,)
     parent: NDArray[np.int64]  # (nodes,) the node above each one, -1 above roots
     leaves: NDArray[np.int64]  # the nodes with none below them
     lo: NDArray[np.float64]  # (3,) box of the whole model
     hi: NDArray[np.float64]
+
+    def nodes_of(self, drawables: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The nodes (n,) of drawables (n,)."""
+        return self.store.drawables["node"][drawables].astype(np.int64)
 
     @property
     def extent(self) -> float:
@@ -42,13 +46,10 @@ class ShownModel:
 
 def shown_model(store: Store) -> ShownModel:
     """The model of an opened store."""
-    nodes, drawables = store.nodes, store.drawables
+    nodes = store.nodes
     return ShownModel(
         store=store,
         node_boxes=boxes_between(nodes["lo"], nodes["hi"]),
-        drawable_lo=np.ascontiguousarray(drawables["lo"]),
-        drawable_hi=np.ascontiguousarray(drawables["hi"]),
-        node_of=drawables["node"].astype(np.int64),
         first_drawable=nodes["first_drawable"].astype(np.int64),
         levels=nodes["levels"].astype(np.int64),
         parent=parents(nodes),

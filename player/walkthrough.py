@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from player import colouring, strategies
 from player.camera.view import Vector, View, looking
-from player.loading.packs import Packs
+from player.loading.packs import Packs, packs_of
 from player.loading.stand_ins import stand_ins
 from player.offers import named
 from player.renderer.context import Abilities
@@ -88,7 +88,7 @@ class Walkthrough:
         arena, facets = self.renderer.arena, self.renderer.facets
         self.packs = Packs(store, arena, facets, budget=settings.cache_bytes, threads=settings.threads)
         self._context = context
-        self._pack_of = store.geometry["pack"].astype(np.int64)[store.drawables["geometry"]]
+        self._pack_of = packs_of(store)
         self.strategy_name = settings.strategy
         self._strategy = self._make_strategy(settings.strategy)
         self.colours = colouring.COLOURINGS[0].name
@@ -121,8 +121,8 @@ class Walkthrough:
         started = time.perf_counter()
         choice = self._strategy.choose(self.frozen or view)
         chosen = time.perf_counter()
-        packs, first = np.unique(self._pack_of[choice.drawables], return_index=True)
-        self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
+        packs = self._in_order(choice.drawables)
+        self.packs.need(packs, wait=self.settings.wait)
         troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
         loaded = time.perf_counter()
         drawn = stand_ins(choice.drawables, self.model, self._ready)
@@ -185,14 +185,18 @@ class Walkthrough:
         """Which of the drawables (n,) are on the GPU."""
         return self.packs.cache.resident[self._pack_of[ids]]
 
+    def _in_order(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The packs (k,) of drawables (n,), each once, in the order of their first."""
+        packs, first = np.unique(self._pack_of[ids], return_index=True)
+        return packs[np.argsort(first)].astype(np.int64)
+
     def _prefetch(self, view: View) -> None:
         last = self._last_position
         motion = np.zeros(3) if last is None else view.position - last
         self._last_position = view.position
         ahead = self._strategy.ahead(view, motion)
         if ahead is not None:
-            packs, first = np.unique(self._pack_of[ahead], return_index=True)
-            self.packs.prefetch(packs[np.argsort(first)])
+            self.packs.prefetch(self._in_order(ahead))
         if self.settings.wait:
             self.packs.settle()
 
@@ -202,7 +206,7 @@ class Walkthrough:
         kept: NDArray[np.int64] | None = None
         for _ in range(_BASE_STEPS):
             cut = cut_within(store.nodes, store.drawables, error)
-            packs = np.unique(self._pack_of[cut])
+            packs = np.unique(self._pack_of[cut]).astype(np.int64)
             if self.packs.bytes_of(packs) > _BASE_SHARE * self.settings.cache_bytes:
                 break
             kept, error = packs, error / 2

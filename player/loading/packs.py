@@ -44,6 +44,12 @@ def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: fl
     return PreparedPack(vertices, triangles.astype(np.uint32)[order], PackFacets(counts, facets, cones))
 
 
+def packs_of(store: Store) -> NDArray[np.uint32]:
+    """The pack (drawables,) that holds each drawable's mesh."""
+    found: NDArray[np.uint32] = store.geometry["pack"][store.drawables["geometry"]]
+    return found
+
+
 class Packs:
     """Keeps the packs on the GPU that are drawn, and those that may be drawn soon, within a budget."""
 
@@ -52,10 +58,9 @@ class Packs:
         self._store = store
         self._arena = arena
         self._facets = facets
-        order = np.lexsort((store.geometry["vertex_start"], store.geometry["pack"]))
-        self._meshes = order
-        self._rows = store.geometry[order]
-        self._row_starts = np.searchsorted(self._rows["pack"], np.arange(len(store.packs) + 1))
+        of_mesh = store.geometry["pack"]
+        self._meshes = np.lexsort((store.geometry["vertex_start"], of_mesh))  # pack by pack
+        self._starts = np.searchsorted(of_mesh, np.arange(len(store.packs) + 1), sorter=self._meshes)
         self._sizes = store.packs["vertices"].astype(np.int64) * VERTEX.itemsize
         self._sizes += store.packs["triangles"].astype(np.int64) * 3 * INDEX_BYTES
         self.cache = PackCache(self._sizes, budget)
@@ -130,20 +135,19 @@ class Packs:
         ]
 
     def _load(self, number: int) -> PreparedPack:
-        own = self._own(number)
-        one_sided = self._store.one_sided[self._meshes[own]]
-        return prepare(self._store.pack(number), self._rows[own], one_sided, self._store.grid.step)
+        store, own = self._store, self._own(number)
+        return prepare(store.pack(number), store.geometry[own], store.one_sided[own], store.grid.step)
 
-    def _own(self, number: int) -> slice:
-        """The rows of a pack's meshes."""
-        return slice(int(self._row_starts[number]), int(self._row_starts[number + 1]))
+    def _own(self, number: int) -> NDArray[np.int64]:
+        """A pack's meshes, in the order of their vertices."""
+        return self._meshes[self._starts[number] : self._starts[number + 1]]
 
     def _upload(self, arrived: dict[int, PreparedPack]) -> None:
         for number in sorted(arrived):  # not in the order of arrival, which no two runs share
             pack = arrived[number]
             self.cache.add(number)
             self._arena.add(number, pack.vertices, pack.triangles)
-            self._facets.add(number, self._meshes[self._own(number)], pack.facets)
+            self._facets.add(number, self._own(number), pack.facets)
         for number in self.cache.evict().tolist():
             self._arena.remove(number)
             self._facets.remove(number)

@@ -33,7 +33,7 @@ def stand_ins(ids: Ids, model: ShownModel, ready: Callable[[Ids], NDArray[np.boo
     if there.all():
         return StandIns(ids, 0, 0)
     missing = ids[~there]
-    node = model.node_of[missing]
+    node = model.nodes_of(missing)
     found = np.full(len(missing), -1, np.int64)
 
     def look(nodes: Ids, first: Ids, last: Ids, step: int) -> None:

@@ -36,39 +36,38 @@ COMMAND = np.dtype(
 class DrawTables:
     """What drawing must know of each drawable; arrays as long as the store's tables."""
 
-    geometry: NDArray[np.int64]  # (drawables,) index of the mesh
+    geometry: NDArray[np.uint32]  # (drawables,) index of the mesh
     record: np.ndarray  # RECORD (drawables,)
     side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
-    triangles: NDArray[np.int64]  # (drawables,)
-    pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
-    first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
-    indices: NDArray[np.int64]  # (geometries,)
+    pack: NDArray[np.uint32]  # (geometries,) the pack that holds the mesh
+    first_index: NDArray[np.uint32]  # (geometries,) first index inside the pack
+    indices: NDArray[np.uint32]  # (geometries,)
     facets: FacetUsers
 
 
 def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray, step: float) -> DrawTables:
     """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays, without tints; step: of the grid."""
-    instance = drawables["instance"].astype(np.int64)
+    instance = np.ascontiguousarray(drawables["instance"])
     record = np.zeros(len(drawables), RECORD)
     record["placement"] = instance + 1
-    turned = np.concatenate([mirrored(instances["matrix"]), [False]])[instance]
-    side = np.where(drawables["one_sided"], np.where(turned, BACK_ONLY, FRONT_ONLY), BOTH_SIDES)
-    mesh = drawables["geometry"].astype(np.int64)
+    sides = np.where(mirrored(instances["matrix"]), BACK_ONLY, FRONT_ONLY).astype(np.uint8)
+    side = np.append(sides, np.uint8(FRONT_ONLY))[instance]
+    side[~drawables["one_sided"]] = BOTH_SIDES
+    mesh = np.ascontiguousarray(drawables["geometry"])
     users = FacetUsers(
         geometry=mesh,
         instance=instance,
-        scale=geometry["scale"].astype(np.float64)[mesh],
+        scale=np.ascontiguousarray(geometry["scale"]),
         matrices=instances["matrix"].copy(),
         step=step,
     )
     return DrawTables(
         geometry=mesh,
         record=record,
-        side=side.astype(np.uint8),
-        triangles=drawables["triangles"].astype(np.int64),
-        pack=geometry["pack"].astype(np.int64),
-        first_index=geometry["triangle_start"].astype(np.int64) * 3,
-        indices=geometry["triangles"].astype(np.int64) * 3,
+        side=side,
+        pack=np.ascontiguousarray(geometry["pack"]),
+        first_index=geometry["triangle_start"] * np.uint32(3),
+        indices=geometry["triangles"] * np.uint32(3),
         facets=users,
     )
 
@@ -112,9 +111,9 @@ def build(
     if np.any(slab_of[tables.pack[tables.geometry[ids]]] < 0):
         raise ValueError("a drawable's pack is not in the arena")
     runs = _whole(ids, tables) if cell is None else facets.runs_of(ids, tables.facets, cell)
-    asked = int(tables.triangles[ids].sum())
+    asked = int(tables.indices[tables.geometry[ids]].sum()) // 3
     ids = ids[runs.drawable]
-    geometry = tables.geometry[ids]
+    geometry = tables.geometry[ids].astype(np.int64)
     pack = tables.pack[geometry]
     batch = slab_of[pack].astype(np.int64) * 3 + tables.side[ids]
     rank = np.arange(len(ids), dtype=np.int64)
@@ -149,7 +148,8 @@ def build(
 
 def _whole(ids: NDArray[np.int64], tables: DrawTables) -> Runs:
     """Every drawable as one run."""
-    return Runs(np.arange(len(ids)), np.zeros(len(ids), np.int64), tables.indices[tables.geometry[ids]])
+    indices = tables.indices[tables.geometry[ids]].astype(np.int64)
+    return Runs(np.arange(len(ids)), np.zeros(len(ids), np.int64), indices)
 
 
 def _starts(*keys: NDArray[np.int64]) -> NDArray[np.int64]:

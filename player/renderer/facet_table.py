@@ -40,11 +40,11 @@ class PackFacets(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FacetUsers:
-    """Where drawables are that show facets; arrays as long as the store's table of drawables."""
+    """Where drawables are that show facets; arrays as long as the store's tables."""
 
-    geometry: NDArray[np.int64]  # (drawables,) index of the mesh
-    instance: NDArray[np.int64]  # (drawables,) row of `matrices`, -1: in model space
-    scale: NDArray[np.float64]  # (drawables,) local units per step of the positions
+    geometry: NDArray[np.uint32]  # (drawables,) index of the mesh
+    instance: NDArray[np.int32]  # (drawables,) row of `matrices`, -1: in model space
+    scale: NDArray[np.float64]  # (geometries,) local units per step of the positions
     matrices: NDArray[np.float64]  # (n, 3, 4) placements
     step: float  # model units per grid unit
 
@@ -90,8 +90,8 @@ class FacetTable:
         mesh = users.geometry[ids]
         first, count = self.first[mesh], self.count[mesh]
         away = find_turned_away(
-            first, count, users.instance[ids], users.scale[ids], self.cones, users.matrices, users.step,
-            cell.lo, cell.hi,
+            first, count, users.instance[ids].astype(np.int64), users.scale[mesh], self.cones, users.matrices,
+            users.step, cell.lo, cell.hi,
         )  # fmt: skip
         starts = np.cumsum(count) - count
         owner = np.repeat(np.arange(len(ids)), count)

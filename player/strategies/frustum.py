@@ -44,7 +44,8 @@ class Frustum:
         self._ahead_from = view.position
         eye = view.position + motion
         ids = self._cut(eye, None)
-        distance = box_distance(eye, eye, self._model.drawable_lo[ids], self._model.drawable_hi[ids])
+        rows = self._model.store.drawables[ids]
+        distance = box_distance(eye, eye, rows["lo"], rows["hi"])
         return ids[np.argsort(distance, kind="stable")]
 
     def close(self) -> None:

@@ -126,7 +126,8 @@ class Vlod:
             if ids is None:
                 return None
             self._list = self._at_detail(cell, ids)
-            self._boxes = boxes_between(self._model.drawable_lo[self._list], self._model.drawable_hi[self._list])
+            rows = self._model.store.drawables[self._list]
+            self._boxes = boxes_between(rows["lo"], rows["hi"])
             row = self._model.store.cells[cell]
             self._within = CellBox(row["lo"].copy(), row["hi"].copy())
             self._listed = (cell, self.pixel_error)
@@ -146,7 +147,7 @@ class Vlod:
         error = float(row["pixel_error"]) * (self.pixel_error / self._model.pixel_error)
         angle = store.manifest.pixel_angle
         cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, error)
-        return cut[overlapping(store.nodes, self._model.node_of[cut], self._model.node_of[ids])]
+        return cut[overlapping(store.nodes, self._model.nodes_of(cut), self._model.nodes_of(ids))]
 
     def _load(self, cell: int) -> Ids:
         """The cell's vLOD: by the delta from the present cell where they are neighbours, else from its shard."""

@@ -38,7 +38,8 @@ class Largest:
 
     def __init__(self, model, *, pixel_error, wait):
         self.pixel_error = pixel_error
-        size = (model.drawable_hi - model.drawable_lo).prod(axis=1)[model.first_drawable]
+        finest = model.store.drawables[model.first_drawable]
+        size = (finest["hi"] - finest["lo"]).prod(axis=1)
         self.ids = np.sort(model.first_drawable[np.argsort(-size)[:3]]).astype(np.int64)
 
     def choose(self, view):

@@ -19,7 +19,7 @@ def _table(model: ShownModel) -> int:
 )
 def test_the_nearest_level_stands_in(model: ShownModel, wanted: int, there: set[int], drawn: int) -> None:
     first = _table(model)
-    ready = np.ones(len(model.node_of), np.bool_)
+    ready = np.ones(len(model.store.drawables), np.bool_)
     ready[first : first + 3] = [level in there for level in range(3)]
     other = first + 3 if first + 3 < len(ready) else 0
     found = stand_ins(np.sort([first + wanted, other]), model, lambda ids: ready[ids])

@@ -123,7 +123,6 @@ class Walkthrough:
         chosen = time.perf_counter()
         packs = self._in_order(choice.drawables)
         self.packs.need(packs, wait=self.settings.wait)
-        troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
         loaded = time.perf_counter()
         drawn = stand_ins(choice.drawables, self.model, self._ready)
         draws = self.renderer.prepare(drawn.drawables, choice.within)
@@ -132,6 +131,7 @@ class Walkthrough:
         target.resolve()
         self._context.finish()
         finished = time.perf_counter()
+        troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
         if self.settings.prefetch:
             self._prefetch(view)
         return FrameStatistics(
@@ -188,7 +188,7 @@ class Walkthrough:
     def _in_order(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """The packs (k,) of drawables (n,), each once, in the order of their first."""
         packs, first = np.unique(self._pack_of[ids], return_index=True)
-        return packs[np.argsort(first)].astype(np.int64)
+        return packs[np.argsort(first)]
 
     def _prefetch(self, view: View) -> None:
         last = self._last_position
@@ -206,7 +206,7 @@ class Walkthrough:
         kept: NDArray[np.int64] | None = None
         for _ in range(_BASE_STEPS):
             cut = cut_within(store.nodes, store.drawables, error)
-            packs = np.unique(self._pack_of[cut]).astype(np.int64)
+            packs = np.unique(self._pack_of[cut])
             if self.packs.bytes_of(packs) > _BASE_SHARE * self.settings.cache_bytes:
                 break
             kept, error = packs, error / 2

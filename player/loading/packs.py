@@ -44,10 +44,9 @@ def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: fl
     return PreparedPack(vertices, triangles.astype(np.uint32)[order], PackFacets(counts, facets, cones))
 
 
-def packs_of(store: Store) -> NDArray[np.uint32]:
+def packs_of(store: Store) -> NDArray[np.int64]:
     """The pack (drawables,) that holds each drawable's mesh."""
-    found: NDArray[np.uint32] = store.geometry["pack"][store.drawables["geometry"]]
-    return found
+    return store.geometry["pack"][store.drawables["geometry"]].astype(np.int64)
 
 
 class Packs:
@@ -87,7 +86,8 @@ class Packs:
 
     def failures(self, packs: NDArray[np.int64]) -> list[StoreError]:
         """Why those of `packs` (n,) are not there that cannot be had for now; they are tried again."""
-        return list(self._loader.failures(packs[~self.cache.resident[packs]].tolist()).values())
+        there = self.cache.resident[packs]
+        return [] if there.all() else list(self._loader.failures(packs[~there].tolist()).values())
 
     @property
     def damage(self) -> CorruptStoreError | None:

@@ -68,6 +68,8 @@ class Loader(Generic[Key, Value]):
 
     def collect(self) -> dict[Key, Value]:
         """What has been loaded since the last call; never waits."""
+        if not self._done and self._fault is None:  # most often: not worth a lock, the next call looks again
+            return {}
         with self._changed:
             return self._take()
 
@@ -93,15 +95,17 @@ class Loader(Generic[Key, Value]):
 
     def failures(self, keys: Iterable[Key]) -> dict[Key, StoreError]:
         """Why those of `keys`, which have not arrived, cannot be had for now: their own error, or the place's."""
+        if not self._failures:
+            return {}
         with self._changed:
-            if not self._failures:
-                return {}
             found = {key: self._failures[key].error if key in self._failures else self._outage for key in keys}
             return {key: error for key, error in found.items() if error is not None}
 
     @property
     def damage(self) -> CorruptStoreError | None:
         """Some damage that was met and is there still; None if there is none."""
+        if not self._failures:
+            return None
         with self._changed:
             errors = (failure.error for failure in self._failures.values())
             return next((error for error in errors if isinstance(error, CorruptStoreError)), None)

@@ -36,12 +36,12 @@ COMMAND = np.dtype(
 class DrawTables:
     """What drawing must know of each drawable; arrays as long as the store's tables."""
 
-    geometry: NDArray[np.uint32]  # (drawables,) index of the mesh
+    geometry: NDArray[np.int64]  # (drawables,) index of the mesh
     record: np.ndarray  # RECORD (drawables,)
     side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
-    pack: NDArray[np.uint32]  # (geometries,) the pack that holds the mesh
-    first_index: NDArray[np.uint32]  # (geometries,) first index inside the pack
-    indices: NDArray[np.uint32]  # (geometries,)
+    pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
+    first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
+    indices: NDArray[np.int64]  # (geometries,)
     facets: FacetUsers
 
 
@@ -53,7 +53,7 @@ def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarr
     sides = np.where(mirrored(instances["matrix"]), BACK_ONLY, FRONT_ONLY).astype(np.uint8)
     side = np.append(sides, np.uint8(FRONT_ONLY))[instance]
     side[~drawables["one_sided"]] = BOTH_SIDES
-    mesh = np.ascontiguousarray(drawables["geometry"])
+    mesh = drawables["geometry"].astype(np.int64)
     users = FacetUsers(
         geometry=mesh,
         instance=instance,
@@ -65,9 +65,9 @@ def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarr
         geometry=mesh,
         record=record,
         side=side,
-        pack=np.ascontiguousarray(geometry["pack"]),
-        first_index=geometry["triangle_start"] * np.uint32(3),
-        indices=geometry["triangles"] * np.uint32(3),
+        pack=geometry["pack"].astype(np.int64),
+        first_index=geometry["triangle_start"].astype(np.int64) * 3,
+        indices=geometry["triangles"].astype(np.int64) * 3,
         facets=users,
     )
 
@@ -108,14 +108,14 @@ def build(
     what this view cell sees only from behind; None: nothing. Within a batch, meshes come in the order of their first
     drawable: the same order whatever else is drawn, so that coplanar surfaces look the same every time.
     """
-    if np.any(slab_of[tables.pack[tables.geometry[ids]]] < 0):
+    geometry = tables.geometry[ids]
+    slab = slab_of[tables.pack[geometry]].astype(np.int64)
+    if np.any(slab < 0):
         raise ValueError("a drawable's pack is not in the arena")
-    runs = _whole(ids, tables) if cell is None else facets.runs_of(ids, tables.facets, cell)
-    asked = int(tables.indices[tables.geometry[ids]].sum()) // 3
-    ids = ids[runs.drawable]
-    geometry = tables.geometry[ids].astype(np.int64)
-    pack = tables.pack[geometry]
-    batch = slab_of[pack].astype(np.int64) * 3 + tables.side[ids]
+    wholes = tables.indices[geometry]
+    runs = _whole(wholes) if cell is None else facets.runs_of(ids, tables.facets, cell)
+    ids, geometry = ids[runs.drawable], geometry[runs.drawable]
+    batch = slab[runs.drawable] * 3 + tables.side[ids]
     rank = np.arange(len(ids), dtype=np.int64)
     placed = tables.record["placement"][ids]
     if placed.any():  # several drawables may share a mesh: each takes the rank of the mesh's first
@@ -143,13 +143,13 @@ def build(
     )
     triangles = int(indices.sum()) // 3
     drawables = int((np.diff(runs.drawable, prepend=-1) != 0).sum())
-    return DrawList(commands, tables.record[ordered], batches, triangles, drawables, asked - triangles)
+    turned = int(wholes.sum()) // 3 - triangles
+    return DrawList(commands, tables.record[ordered], batches, triangles, drawables, turned)
 
 
-def _whole(ids: NDArray[np.int64], tables: DrawTables) -> Runs:
-    """Every drawable as one run."""
-    indices = tables.indices[tables.geometry[ids]].astype(np.int64)
-    return Runs(np.arange(len(ids)), np.zeros(len(ids), np.int64), indices)
+def _whole(indices: NDArray[np.int64]) -> Runs:
+    """Every drawable as one run, of so many indices (n,)."""
+    return Runs(np.arange(len(indices)), np.zeros(len(indices), np.int64), indices)
 
 
 def _starts(*keys: NDArray[np.int64]) -> NDArray[np.int64]:

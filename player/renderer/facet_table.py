@@ -42,7 +42,7 @@ class PackFacets(NamedTuple):
 class FacetUsers:
     """Where drawables are that show facets; arrays as long as the store's tables."""
 
-    geometry: NDArray[np.uint32]  # (drawables,) index of the mesh
+    geometry: NDArray[np.int64]  # (drawables,) index of the mesh
     instance: NDArray[np.int32]  # (drawables,) row of `matrices`, -1: in model space
     scale: NDArray[np.float64]  # (geometries,) local units per step of the positions
     matrices: NDArray[np.float64]  # (n, 3, 4) placements

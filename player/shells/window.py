@@ -30,6 +30,7 @@ from player.shells.keys import HELD, help_rows, key_table
 from player.shells.recorder import Recorder
 from player.shown_model import ShownModel
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
+from storage.base.errors import VlodError
 
 _RADIANS_PER_PIXEL = 0.004
 
@@ -113,7 +114,10 @@ class Viewer:
             if pressed:
                 self.recorder.stop_replay()
         elif pressed and key in self._actions:
-            self._actions[key](self)
+            try:
+                self._actions[key](self)
+            except (VlodError, OSError) as error:  # what cannot be written: no reason to close the window
+                self.message = str(error)
 
     def on_drag(self, _x: int, _y: int, dx: int, dy: int) -> None:
         """The mouse moved with a button down."""

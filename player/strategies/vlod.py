@@ -27,6 +27,9 @@ Ids = NDArray[np.int64]
 #: Threads that read lists: one where they are waited for, so that what is fetched is the same in every run.
 _WAITED_FOR, _IN_PASSING = 1, 2
 
+#: Bytes of lists above which those of cells that are not near are forgotten.
+_LISTS_KEPT = 1 << 26
+
 #: How far ahead along the motion cells are looked up, in edge lengths of the present cell.
 _STEPS_AHEAD = (0.6, 1.2, 1.8, 2.4)
 
@@ -40,7 +43,7 @@ class Vlod:
         self._model = model
         self._wait = wait
         self._frustum = Frustum(model, pixel_error=pixel_error)
-        self._sets: dict[int, Ids] = {}  # of the present cell and of those that may be entered next
+        self._sets: dict[int, Ids] = {}  # of the present cell, of those that may be entered next, and of former ones
         self._loader: Loader[int, Ids] = Loader(self._load, _WAITED_FOR if wait else _IN_PASSING)
         self._next: list[int] = []
         self._cell = -1
@@ -52,7 +55,8 @@ class Vlod:
 
     def choose(self, view: View) -> Choice:
         """The part of the cell's vLOD that the frustum touches."""
-        self._sets |= self._loader.collect()
+        if arrived := self._loader.collect():
+            self._sets |= arrived
         cell = self._cell_of(view.position)
         if cell != self._cell:
             self._enter(cell)
@@ -77,9 +81,10 @@ class Vlod:
         if cells != self._next:
             self._next = cells
             self._wish()
-        if self._wait:
-            self._sets |= self._loader.wait_for([cell for cell in cells if cell not in self._sets])
         known = tuple(cell for cell in cells if cell in self._sets)
+        if self._wait and len(known) < len(cells):
+            self._sets |= self._loader.wait_for([cell for cell in cells if cell not in self._sets])
+            known = tuple(cell for cell in cells if cell in self._sets)
         state = (self._cell, known, self.pixel_error)
         if state == self._ahead_for:
             return None
@@ -114,9 +119,10 @@ class Vlod:
                 self._sets |= self._loader.wait_for([cell])
 
     def _wish(self) -> None:
-        """Asks for the present cell before all others, and forgets those that are not near any more."""
+        """Asks for the present cell before all others, and forgets those that are not near if all take too much."""
         near = list(dict.fromkeys([self._cell, *self._next]))
-        self._sets = {cell: self._sets[cell] for cell in near if cell in self._sets}
+        if sum(ids.nbytes for ids in self._sets.values()) > _LISTS_KEPT:
+            self._sets = {cell: self._sets[cell] for cell in near if cell in self._sets}
         self._loader.wish([cell for cell in near if cell not in self._sets])
 
     def _cell_list(self, cell: int) -> Ids | None:

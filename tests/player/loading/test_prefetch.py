@@ -127,7 +127,7 @@ def test_nothing_is_waited_for_while_all_is_out_of_reach() -> None:
         loader.wish(range(1000))
         began = time.monotonic()
         assert loader.wait_for(range(1000)) == {}
-        assert time.monotonic() - began < 1
+        assert time.monotonic() - began < 5
         failures = loader.failures(range(1000))
         assert len(failures) == 1000
         assert str(failures[0]) == "0 is away"  # its own

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.images.ranges import not_below
+from jobs.visibility.surfaces.ranges import not_below
 from jobs.visibility.surfaces.ray_tree import STACK, build_tree
 from storage.base.kernels import allocating_kernel, kernel
 

@@ -140,8 +140,7 @@ class Engine:
         )
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
-        self._work = closing_sets.make_work(len(soup.triangles))
-        self._parts = undecided.make_parts()
+        self._room = undecided.make_room(len(soup.triangles))
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene, self._tree = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
@@ -229,9 +228,9 @@ class Engine:
         allowed = np.iinfo(np.int64).max if most_triangles is None else most_triangles - surely
         hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
         seen[proven] = True
-        closing_sets.forget_marks(self._work)
+        closing_sets.forget_marks(self._room.work)
         undecided.decide(
-            standing, self._mesh, self._clusters, self._layers, self._work, self._parts,
+            standing, self._mesh, self._clusters, self._layers, self._room,
             undecided.Asked(visible[~seen[visible]], soup.drawable_clusters, soup.triangle_counts), lo, hi,
             undecided.Effort(self.settings.shafts, self.settings.least_worth, allowed), hidden, seen,
         )  # fmt: skip

@@ -25,7 +25,7 @@ import numpy as np
 
 from jobs.visibility.flooding.occludees import box_hidden, may_touch, triangle_hidden
 from jobs.visibility.proof.aimed_rays import INSET, LEAST_WEIGHT, facing
-from jobs.visibility.shafts.closing_sets import OPEN_EDGES, Work, side_in, stays_open
+from jobs.visibility.shafts.closing_sets import OPEN_EDGES, Work, make_work, side_in, stays_open
 from jobs.visibility.shafts.shafts import Shaft, make_shaft, span
 from jobs.visibility.surfaces.clusters import Clusters, place_cluster
 from jobs.visibility.surfaces.planes import side_of
@@ -96,12 +96,13 @@ class Room(NamedTuple):
     small: Shaft  # scratch
 
 
-def make_parts() -> Parts:
-    """Room for shafts that wait, for any number of cells."""
-    return Parts(
+def make_room(triangles: int) -> Room:
+    """What shafts among so many triangles are looked at in, for any number of cells."""
+    parts = Parts(
         np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty(POOL, np.int32),
         np.empty(POOL, np.int32), np.empty(POOL, np.bool_), np.empty(POOL, np.int32), np.zeros(1, np.int32),
     )  # fmt: skip
+    return Room(make_work(triangles), parts, make_shaft(), make_shaft())
 
 
 @kernel()
@@ -447,22 +448,21 @@ def _take_turn(
 
 @allocating_kernel()
 def decide(
-    scene: Scene, mesh: Mesh, clusters: Clusters, layers: np.ndarray, work: Work, parts: Parts, asked: Asked,
-    lo: np.ndarray, hi: np.ndarray, effort: Effort, hidden: np.ndarray, proven: np.ndarray,
+    scene: Scene, mesh: Mesh, clusters: Clusters, layers: np.ndarray, room: Room, asked: Asked, lo: np.ndarray,
+    hi: np.ndarray, effort: Effort, hidden: np.ndarray, proven: np.ndarray,
 ) -> int:  # fmt: skip
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
     Args:
         scene: of what is reported: it alone can stand before what is seen.
         layers: see `occludees`: parts that these hide are not looked at again.
-        work: see `closing_sets.make_work`; parts: see `make_parts`.
+        room: see `make_room`.
         lo, hi: (3,) float64 the cell, grid units.
         hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
 
     Returns:
         The shafts that were looked at.
     """
-    room = Room(work, parts, make_shaft(), make_shaft())
     chosen, least_worth = asked.chosen, effort.least_worth
     n = len(chosen)
     counts = np.zeros(n, np.int64)
@@ -473,7 +473,7 @@ def decide(
         np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n),
         np.empty(counts.sum(), np.int32),
     )  # fmt: skip
-    _begin(scene, mesh, clusters, layers, parts, turns, asked, lo, hi, hidden)
+    _begin(scene, mesh, clusters, layers, room.parts, turns, asked, lo, hi, hidden)
     shafts, hint, staying = 0, -1, 0
     for k in range(n):
         if not hidden[chosen[k]] and not _hopeful(turns, k, counts[k], least_worth):

@@ -4,9 +4,9 @@ Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian,
 High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
 one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
 
-**Safe edges.** For a triangle t and the cell V, its side (see `mesh`) is +1 or -1 where V lies strictly on one side of
-t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge,
-this side.
+**Safe edges.** For a triangle t and the cell V, its side (see `seen_mesh`) is +1 or -1 where V lies strictly on one
+side of t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of
+the edge, this side.
 So an edge is safe for V and a set S of triangles that do not meet V if two of its triangles in S have opposite
 side times direction: they lie strictly on opposite sides of the edge as seen from every p in V.
 

@@ -148,7 +148,7 @@ def look_at(q: np.ndarray, images: Images, vertex: int, face: Face, mark: int) -
     return bool(images.ahead[vertex])
 
 
-@kernel()
+@kernel(inline="always")
 def begin_flood(flood: Flood, core: np.ndarray, epoch: int) -> Reach:
     """Let a set be its core, (c,) int32 triangles, no more than the largest set has."""
     for k in range(core.shape[0]):

@@ -194,7 +194,7 @@ def cover(
     return cores, flooded, covered
 
 
-@kernel()
+@kernel(inline="always")
 def _draw_core(
     mesh: Mesh,
     work: Work,
@@ -234,7 +234,7 @@ def _draw_core(
     return n_strips, _covered_pixels(pixels, canvas.limit), near
 
 
-@kernel()
+@kernel(inline="always")
 def _draw_set(mesh: Mesh, work: Work, found: Flooded, face: Face, pixels: Pixels, layers: np.ndarray) -> int:
     """Draw what was flooded from a core, which is drawn, and add what it hides to the layers; in how many pixels."""
     q, triangles, drawn, canvas = mesh.q, mesh.triangles, work.flood.drawn, work.canvas
@@ -287,7 +287,7 @@ def _clear(inverse: np.ndarray, pixels: Pixels) -> None:
             inverse[j, i] = np.inf
 
 
-@kernel()
+@kernel(inline="always")
 def _covered_pixels(pixels: Pixels, limit: np.ndarray) -> Pixels:
     """The part of some pixels around those where `limit` is positive; none where there are none."""
     least_i, most_i, least_j, most_j = pixels.i1 + 1, pixels.i0 - 1, pixels.j1 + 1, pixels.j0 - 1

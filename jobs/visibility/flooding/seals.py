@@ -50,7 +50,7 @@ from jobs.visibility.flooding.flood import (
     spoils_all,
     spread,
 )
-from jobs.visibility.surfaces.seen_mesh import Mesh, look, may_occlude
+from jobs.visibility.surfaces.seen_mesh import Mesh, may_occlude
 from storage.base.kernels import kernel
 
 #: Rows that a mesh's q has beyond its vertices: ends of parts of edges and of strips.
@@ -108,9 +108,9 @@ class Taken(NamedTuple):
 
 @kernel(inline="always")
 def _edge_of(mesh: Mesh, t: int, i: int) -> Edge:
-    """Edge i of triangle t."""
+    """Edge i of triangle t, which was looked at."""
     a, b = mesh.triangles[t, i], mesh.triangles[t, (i + 1) % 3]
-    side = look(mesh, t)
+    side = mesh.side[t]
     return Edge(min(a, b), max(a, b), side if a < b else -side)
 
 

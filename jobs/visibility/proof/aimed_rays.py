@@ -52,7 +52,7 @@ class Ray(NamedTuple):
     stack: np.ndarray  # (STACK,) int32 scratch
 
 
-@allocating_kernel()
+@allocating_kernel(inline="always")
 def make_ray() -> Ray:
     """A ray to be filled in."""
     return Ray(np.empty(3), np.empty(3), np.empty(3), np.empty(STACK, np.int32))

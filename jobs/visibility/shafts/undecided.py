@@ -497,7 +497,7 @@ def decide(
     return shafts
 
 
-@allocating_kernel()
+@allocating_kernel(inline="always")
 def _begin(
     scene: Scene, mesh: Mesh, clusters: Clusters, layers: np.ndarray, parts: Parts, turns: Turns, asked: Asked,
     lo: np.ndarray, hi: np.ndarray, hidden: np.ndarray,

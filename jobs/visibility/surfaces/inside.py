@@ -29,7 +29,7 @@ def reaching_into(
     return reaching
 
 
-@kernel()
+@kernel(inline="always")
 def _any_inside(
     vertices: np.ndarray, triangles: np.ndarray, begin: int, end: int, lo: np.ndarray, hi: np.ndarray
 ) -> bool:

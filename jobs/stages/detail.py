@@ -18,7 +18,7 @@ from jobs.stages.model import Shapes, detail_options, imported_model
 from storage.base.typed_json import from_json, to_json
 
 if TYPE_CHECKING:
-    from jobs.detail.assemble import Placed
+    from jobs.detail.assemble import PlacedNode
     from jobs.detail.leaf import Member
     from jobs.detail.node import Node, Offer
     from jobs.detail.pieces import PieceSet
@@ -200,10 +200,10 @@ class _Output:
     work: Assignment
     geometries: int = 0  # meshes placed so far
     places: list[np.ndarray] = field(default_factory=list)
-    placed: list[Placed] = field(default_factory=list)
+    placed: list[PlacedNode] = field(default_factory=list)
     extra: dict[str, Any] = field(default_factory=dict)
 
-    def place(self, nodes: Sequence[int], placed: Sequence[Placed]) -> None:
+    def place(self, nodes: Sequence[int], placed: Sequence[PlacedNode]) -> None:
         """Notes the nodes that one node's levels, written next, are drawn for, and where."""
         self.places.append(np.asarray(nodes, np.int64))
         self.placed += placed

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from jobs.cells.parameters import CellParameters, Visibility
 from jobs.detail.detail_options import DetailOptions
 from jobs.objects.object_options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
 from storage.base.errors import ParameterError
 from storage.cells.octree import MAX_DEPTH, Octree
+from storage.model.cut import pixel_angle
 
 #: How much the view space exceeds the model's box on every side by default, as a fraction of the box.
 VIEW_MARGIN = 0.02
@@ -115,6 +117,24 @@ class BuildParameters:
                 AGAIN * self.object_triangles,
             ),
         )
+
+    def cells(self, space: ViewSpace) -> CellParameters:
+        """Which cells there are in a view space, and what they hold. Raises ParameterError."""
+        return CellParameters(
+            octree=space.octree,
+            view_lo=space.lo,
+            view_hi=space.hi,
+            max_depth=space.max_depth,
+            triangles_per_cell=self.triangles_per_cell,
+            max_triangles=self.max_triangles,
+            pixel_angle=self.pixel_angle(),
+            pixel_error=self.pixel_error,
+            visibility=Visibility(self.quality, self.visibility_engine, self.sampled, self.seal or 0.0),
+        )
+
+    def pixel_angle(self) -> float:
+        """What one pixel spans, in radians: see `storage.model.cut.pixel_angle`. Raises ParameterError."""
+        return pixel_angle(self.screen_height, self.field_of_view)
 
     def to_json(self) -> dict[str, Any]:
         """All parameters by name, as JSON."""

@@ -1,7 +1,8 @@
 """Running tasks: the protocol, the executor that runs them in this process, and one that hands them on in time.
 
-An executor yields results as they come, in no promised order; whoever needs an order sorts by key. `then` may name new
-tasks for a result, which join the same run: this is how waves of cells grow. Finished tasks are not run again.
+An executor yields results as they come, in no promised order; whoever needs an order sorts by key. `followers_of`
+may name new tasks for a result, which join the same run: this is how waves of cells grow. Finished tasks are not run
+again.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from storage.base.compiling import Stopwatch, listening
 #: Seconds of work in this process before a `GrowingExecutor` grows.
 PATIENCE = 10.0
 
-Then = Callable[[TaskResult], Iterable[Task]]
+#: The tasks that can be made once a result is there.
+FollowersOf = Callable[[TaskResult], Iterable[Task]]
 
 
-def no_more(_result: TaskResult) -> Iterable[Task]:
+def no_followers(_result: TaskResult) -> Iterable[Task]:
     """Nothing follows from a result."""
     return ()
 
@@ -39,8 +41,10 @@ class Executor(Protocol):
         """Tasks at once."""
         ...
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
-        """Runs tasks, and those that `then` names for each result, and yields the results in order of completion.
+    def run(
+        self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
+    ) -> Generator[TaskResult]:
+        """Runs tasks, and those that `followers_of` names for each result; yields the results in order of completion.
 
         `tasks` is read only as far ahead as the workers need. Errors of tasks are raised as they are; JobError is
         raised for lost workers and exhausted memory. Closing the iterator, or an interrupt, stops what is running;
@@ -56,10 +60,10 @@ class Executor(Protocol):
 class Backlog:
     """Tasks that wait: those that followed from results first, then the rest."""
 
-    def __init__(self, tasks: Iterable[Task], then: Then) -> None:
+    def __init__(self, tasks: Iterable[Task], followers_of: FollowersOf) -> None:
         self._source = iter(tasks)
         self._followers: deque[Task] = deque()
-        self._then = then
+        self._followers_of = followers_of
 
     def next(self) -> Task | None:
         """The next task, None if nothing waits now."""
@@ -67,7 +71,7 @@ class Backlog:
 
     def add_followers(self, result: TaskResult) -> None:
         """Queues what follows from a result."""
-        self._followers.extend(self._then(result))
+        self._followers.extend(self._followers_of(result))
 
 
 class SerialExecutor:
@@ -76,9 +80,11 @@ class SerialExecutor:
     name = "serial"
     workers = 1
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
+    def run(
+        self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
+    ) -> Generator[TaskResult]:
         """See `Executor.run`."""
-        backlog = Backlog(tasks, then)
+        backlog = Backlog(tasks, followers_of)
         while (task := backlog.next()) is not None:
             result = find_finished(task, place) or _run_here(task, place)
             backlog.add_followers(result)
@@ -110,9 +116,11 @@ class GrowingExecutor:
         """Tasks at once, now."""
         return self._larger.workers if self._patience <= 0 else SerialExecutor.workers
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
+    def run(
+        self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
+    ) -> Generator[TaskResult]:
         """See `Executor.run`."""
-        backlog = Backlog(tasks, then)
+        backlog = Backlog(tasks, followers_of)
         while self._patience > 0 and (task := backlog.next()) is not None:
             result = find_finished(task, place)
             if result is None:
@@ -122,7 +130,7 @@ class GrowingExecutor:
                 self._patience -= time.perf_counter() - began - compiling.seconds
             backlog.add_followers(result)
             yield result
-        yield from self._larger.run(iter(backlog.next, None), place, then)
+        yield from self._larger.run(iter(backlog.next, None), place, followers_of)
 
     def close(self) -> None:
         """See `Executor.close`."""

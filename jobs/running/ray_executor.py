@@ -18,7 +18,7 @@ from typing import Any
 
 from jobs.running.compiling_signs import seen, shown
 from jobs.running.errors import ClusterError, MemoryLimitError, WorkerLostError
-from jobs.running.executors import Backlog, Then, no_more
+from jobs.running.executors import Backlog, FollowersOf, no_followers
 from jobs.running.tasks import Task, TaskResult, find_finished, run_task
 from jobs.running.workplace import Workplace
 from storage.base.compiling import announce
@@ -73,9 +73,11 @@ class RayExecutor:
         self._owns_ray = False
         self._largest_node = 0.0
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
+    def run(
+        self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
+    ) -> Generator[TaskResult]:
         """See `Executor.run`."""
-        backlog = Backlog(tasks, then)
+        backlog = Backlog(tasks, followers_of)
         running: dict[Any, _Attempt] = {}
         try:
             while True:

@@ -55,6 +55,7 @@ class Stage:
     function: str  # "module:name" of its `Work`
     code: tuple[str, ...]  # modules and packages whose source decides the result
     distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
+    cure: str | None = None  # what, beside more memory, helps where a task needs too much
 
     @property
     def version(self) -> str:

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-import jobs.cells.subtree
+from jobs.cells.cuts import Leaves
 from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
@@ -136,14 +136,14 @@ def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tm
 def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
     model, built, tmp_path, monkeypatch
 ):
-    crowded = jobs.cells.subtree._Leaves.crowd
+    crowded = Leaves.crowd
     seen = []
 
     def noted(*arguments):
         seen.append(crowded(*arguments))
         return False
 
-    monkeypatch.setattr("jobs.cells.subtree._Leaves.crowd", noted)
+    monkeypatch.setattr(Leaves, "crowd", noted)
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert any(seen)
     assert shards(tmp_path / "store") == shards(built[0])

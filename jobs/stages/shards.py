@@ -1,0 +1,88 @@
+"""Shards: vLODs and the changes across faces, in cell shards. One task for each subtree of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jobs.running.arrays import mapped_array
+from jobs.running.as_json import from_json, to_json
+from jobs.running.tasks import Assignment, Stage, Task
+from jobs.stages import cells, code, layout
+from jobs.stages.build_state import BuildState, Tasks
+
+STAGE = Stage("shards", "jobs.stages.shards:write_cells", code.SHARDS, ("numpy", "zstandard"))
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What decides a cell shard."""
+
+    layout: str  # content
+    shard: int  # its number
+    needs: tuple[int, ...]  # numbers of the shards whose cells are looked at, its own among them
+    contents: tuple[str, ...]  # of their cells
+
+
+@dataclass(frozen=True)
+class Places:
+    """Keys of the tasks whose results are read."""
+
+    layout: str
+    cells: tuple[str, ...]  # of the shards that are needed
+
+
+def tasks(state: BuildState) -> Tasks:
+    """One task for each result of the cells that holds some, in their order."""
+    return Tasks(_shards(state))
+
+
+def _shards(state: BuildState) -> Iterator[Task]:
+    laid_out, found = state.one(layout.STAGE), cells.finished_cells(state)
+    for number, needs in enumerate(layout.shards_needed(state.place, laid_out.key)):
+        payload = Payload(
+            layout=laid_out.record["content"],
+            shard=number,
+            needs=tuple(needs),
+            contents=tuple(found[other].record["content"] for other in needs),
+        )
+        places = Places(laid_out.key, tuple(found[other].key for other in needs))
+        yield Task(STAGE, to_json(payload), to_json(places))
+
+
+def write_cells(work: Assignment) -> dict[str, Any]:
+    """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
+    from storage.writer import write_cell_shard
+
+    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    laid_out = work.place.result(layout.STAGE.name, places.layout)
+    starts = np.load(laid_out / layout.STARTS)
+    number = payload.shard
+    first, end = int(starts[number]), int(starts[number + 1])
+    pairs = mapped_array(laid_out / layout.PAIRS)
+    pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
+    sets: dict[int, np.ndarray] = {}
+    rows = np.zeros(0)
+    for other, key in zip(payload.needs, places.cells, strict=True):
+        folder = work.place.result(cells.STAGE.name, key)
+        offsets, ids = np.load(folder / "offsets.npy"), mapped_array(folder / "ids.npy")
+        for at in range(len(offsets) - 1):
+            sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
+        if other == number:
+            rows = np.load(folder / "cells.npy")
+    name = write_cell_shard(
+        work.place.store,
+        rows,
+        [sets[cell] for cell in range(first, end)],
+        [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
+        first=first,
+    )
+    return {"shards": [[name, (work.place.store / "shards" / name).stat().st_size]]}
+
+
+def names(state: BuildState) -> list[str]:
+    """The cell shards of a build, in the order of their cells' numbers."""
+    return [str(shard.record["shards"][0][0]) for shard in state.all(STAGE)]

@@ -283,7 +283,7 @@ def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from storage.cli.info import MAY_MISS
+    from storage.cli.text import MAY_MISS
 
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")

@@ -30,7 +30,9 @@ from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, s
 from jobs.stages.build_state import BuildState, StageFile
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
+from storage.base.typed_json import from_json
 from storage.shards.manifest import Manifest, commit, current
+from storage.shards.sections import ModelSection
 from storage.writer import cells_section
 
 #: The stages of a build in their order. Another one is a file in `jobs.stages` and a line here.
@@ -78,17 +80,17 @@ def build(
 
         imported = state.one(import_model.STAGE)
         manifest = Manifest(
-            model=imported.record["model"],
+            model=from_json(ModelSection, imported.record["model"], "the model"),
             pixel_angle=angle,
             parameters=parameters.to_json(),
             geometry=tables.geometry_section_of(place, state.one(tables.STAGE).key),
-            cells=cells_section(place.store, state.view_space(imported).octree, shards.names(state)),
+            cells=cells_section(place.store, state.view_space(imported).octree, shards.written_shards(state)),
         )
         version = commit(place.store, manifest)
     return BuildReport(
         store=str(store),
         version=version,
-        model=dict(manifest.model),
+        model=dict(imported.record["model"]),
         repairs=dict(imported.record["repairs"]),
         parameters=parameters.to_json(),
         executor=executor.name,

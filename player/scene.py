@@ -53,6 +53,6 @@ def scene_of(store: Store) -> Scene:
         levels=nodes["levels"].astype(np.int64),
         parent=parents(nodes),
         leaves=np.flatnonzero(leaves(nodes)),
-        lo=np.asarray(store.manifest.model["lo"], np.float64),
-        hi=np.asarray(store.manifest.model["hi"], np.float64),
+        lo=np.asarray(store.manifest.model.lo, np.float64),
+        hi=np.asarray(store.manifest.model.hi, np.float64),
     )

@@ -87,7 +87,7 @@ class Walkthrough:
             len(store.packs),
             store.instances["matrix"],
             store.grid.step,
-            Style(up=str(store.manifest.model["up"]), fog=settings.fog, sky=settings.sky),
+            Style(up=store.manifest.model.up, fog=settings.fog, sky=settings.sky),
         )
         arena, facets = self.renderer.arena, self.renderer.facets
         self.packs = Packs(store, arena, facets, budget=settings.cache_bytes, threads=settings.threads)

@@ -5,7 +5,7 @@ The order of a build:
     write_geometry_shard   one per task; gives rows of GEOMETRY and PACK that count from the shard's start
     join_geometry          joins those rows of all shards
     write_tables_shard     the joined tables
-    geometry_section       names all that in the manifest; `storage.store.open_geometry` reads it while the build runs
+    geometry_section       names all that in the manifest; `open_geometry` reads it while the build runs
     write_cell_shard       one per subtree of the octree of view cells
     cells_section          joins the cells of all shards and names them in the manifest
     commit                 makes it a store, or the store's next version
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,20 @@ from storage.cells.octree import LeafSet, Octree
 from storage.cells.spanning_forest import spanning_forest
 from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
 from storage.model.tables import BOUNDARY, CELL, CELL_LINK, DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
+from storage.model.tree import leaves
+from storage.shards.cache import ByteCache
 from storage.shards.columns import pack_names, pack_table, unpack_table
+from storage.shards.files import Files
 from storage.shards.manifest import Manifest, commit
-from storage.shards.shards import Kind, ShardReader, ShardRecord, ShardWriter, shard_path, write_shard
+from storage.shards.sections import CellCounts, CellShardRecord, CellsSection, GeometryCounts, GeometrySection
+from storage.shards.shard_files import ShardFiles
+from storage.shards.shards import Kind, ShardRecord, ShardWriter, write_shard
 
 __all__ = [
     "GeometryShardRecord",
     "Manifest",
     "MeshArrays",
+    "TablesShardRecord",
     "cells_section",
     "commit",
     "geometry_section",
@@ -49,8 +55,8 @@ __all__ = [
 #: A pack is closed when its meshes' arrays reach this many bytes uncompressed.
 PACK_BYTES = 1 << 17
 
-#: A block of deltas is closed when it holds this many ids.
-BLOCK_IDS = 1 << 12
+#: Bytes that `cells_section` keeps of shards' ends while it reads them.
+ENDS = 1 << 20
 
 
 class GeometryShardRecord(NamedTuple):
@@ -60,6 +66,13 @@ class GeometryShardRecord(NamedTuple):
     bytes: int
     geometry: np.ndarray  # GEOMETRY, one row a mesh in the order given; `pack` counts from the shard's first pack
     packs: np.ndarray  # PACK; `shard` is 0
+
+
+class TablesShardRecord(NamedTuple):
+    """The finished shard of the tables, and what they count."""
+
+    shard: ShardRecord
+    counts: GeometryCounts
 
 
 def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshArrays]]]) -> GeometryShardRecord:
@@ -106,26 +119,26 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
                     close(kind)
         for kind in sorted(open_packs):
             close(kind)
-    return GeometryShardRecord(*shard.record, np.array(rows, GEOMETRY), np.array(packs, PACK))
+    return GeometryShardRecord(shard.record.name, shard.record.bytes, np.array(rows, GEOMETRY), np.array(packs, PACK))
 
 
-def join_geometry(records: Iterable[GeometryShardRecord]) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """The GEOMETRY and PACK tables of shards in the order given, and the shards' names in the order of PACK's `shard`.
+def join_geometry(records: Iterable[GeometryShardRecord]) -> tuple[np.ndarray, np.ndarray, list[ShardRecord]]:
+    """The GEOMETRY and PACK tables of shards in the order given, and the shards in the order of PACK's `shard`.
 
     Row i of a record's geometry becomes row i plus the number of rows of all records before it.
     """
     geometry, packs = [np.zeros(0, GEOMETRY)], [np.zeros(0, PACK)]
-    names: list[str] = []
+    shards: list[ShardRecord] = []
     pack_start = 0
     for record in records:
         shifted, placed = record.geometry.copy(), record.packs.copy()
         shifted["pack"] += pack_start
-        placed["shard"] = len(names)
+        placed["shard"] = len(shards)
         pack_start += len(placed)
         geometry.append(shifted)
         packs.append(placed)
-        names.append(record.name)
-    return np.concatenate(geometry), np.concatenate(packs), names
+        shards.append(ShardRecord(record.name, record.bytes))
+    return np.concatenate(geometry), np.concatenate(packs), shards
 
 
 def write_tables_shard(
@@ -137,8 +150,8 @@ def write_tables_shard(
     packs: np.ndarray,
     nodes: np.ndarray,
     drawables: np.ndarray,
-) -> str:
-    """Writes the tables (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE) into one shard; returns its name.
+) -> TablesShardRecord:
+    """Writes the tables (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE) into one shard.
 
     Raises ValueError where an index of one table points outside another.
     """
@@ -147,37 +160,28 @@ def write_tables_shard(
     frames = [(Kind.TABLE, pack_table(np.asarray(table, dtype))) for table, dtype in tables]
     frames.append((Kind.TABLE, pack_table(np.asarray(drawables, DRAWABLE))))
     frames.append((Kind.NAMES, pack_names(part_names)))
-    return write_shard(root, frames).name
+    finest = nodes["first_drawable"][leaves(nodes)]
+    counts = GeometryCounts(
+        parts=len(parts),
+        instances=len(instances),
+        geometries=len(geometry),
+        packs=len(packs),
+        nodes=len(nodes),
+        drawables=len(drawables),
+        leaves=len(finest),
+        levels=int(drawables["level"].max()) + 1 if len(drawables) else 0,
+        stored_triangles=int(geometry["triangles"].sum(dtype=np.int64)),
+        finest_triangles=int(drawables["triangles"][finest].sum(dtype=np.int64)),
+    )
+    return TablesShardRecord(write_shard(root, frames), counts)
 
 
-def geometry_section(root: Path, grid_step: float, tables: str, shards: Sequence[str]) -> dict[str, Any]:
-    """What the manifest says about geometry; also what `storage.store.open_geometry` takes. JSON holds it.
+def geometry_section(grid_step: float, tables: TablesShardRecord, shards: Iterable[ShardRecord]) -> GeometrySection:
+    """What the manifest says about geometry; also what `storage.geometry_reader.open_geometry` takes.
 
-    grid_step: model units per grid unit; tables: name of the tables shard; shards: names of the geometry shards in the
-    order of PACK's `shard`. Raises FileNotFoundError if one of them is not there.
+    grid_step: model units per grid unit; shards: the geometry shards in the order of PACK's `shard`.
     """
-    reader = _reader(root, tables)
-    names = ("parts", "instances", "geometries", "packs", "nodes", "drawables")
-    dtypes = (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE)
-    counts = {}
-    for frame, (name, dtype) in enumerate(zip(names, dtypes, strict=True)):
-        table = unpack_table(reader.frame(frame, Kind.TABLE), dtype)
-        counts[name] = len(table)
-        if name == "geometries":
-            counts["stored_triangles"] = int(table["triangles"].sum(dtype=np.int64))
-        if name == "nodes":
-            leaf = table["end"] == np.arange(len(table)) + 1
-            counts["leaves"] = int(leaf.sum())
-            finest = table["first_drawable"][leaf]
-        if name == "drawables":
-            counts["levels"] = int(table["level"].max()) + 1 if len(table) else 0
-            counts["finest_triangles"] = int(table["triangles"][finest].sum(dtype=np.int64))
-    return {
-        "grid_step": float(grid_step),
-        "tables": list(reader.record),
-        "shards": [list(_reader(root, name).record) for name in shards],
-        "counts": counts,
-    }
+    return GeometrySection(float(grid_step), tables.shard, tuple(shards), tables.counts)
 
 
 def write_cell_shard(
@@ -187,13 +191,15 @@ def write_cell_shard(
     boundaries: Sequence[tuple[int, int, Ids, Ids]],
     *,
     first: int,
-) -> str:
-    """Writes the vLODs of a run of cells into one shard; returns its name.
+    codec: str = DEFAULT,
+) -> CellShardRecord:
+    """Writes the vLODs of a run of cells into one shard.
 
     cells: CELL (n,), the store's cells number `first` to `first + n - 1`; sets: their vLODs, strictly increasing ids
     each, empty where nothing was computed; boundaries: (a, b, vLOD of a, vLOD of b) for all computed cells a < b of
-    the store that share a face, where a lies in this shard; in any order. A cell's vLOD is its key set or a chain of
-    at most LONGEST_CHAIN deltas from one. Raises ValueError for what does not fit together.
+    the store that share a face, where a lies in this shard; in any order; codec: the name of the code that sets and
+    changes are written in. A cell's vLOD is its key set or a chain of at most LONGEST_CHAIN deltas from one. Raises
+    ValueError for what does not fit together.
     """
     rows = np.asarray(cells, CELL)
     if len(rows) != len(sets):
@@ -206,7 +212,7 @@ def write_cell_shard(
     for a, b, _, _ in boundaries:
         if not first <= a < min(b, first + len(rows)):
             raise ValueError(f"the boundary of cells {a} and {b} does not belong into this shard")
-    codec = codec_named(DEFAULT)
+    code = codec_named(codec)
     faces = sorted(boundaries, key=lambda face: (face[0], face[1]))
     links = np.zeros(len(rows), CELL_LINK)
     table = np.zeros(len(faces), BOUNDARY)
@@ -220,7 +226,7 @@ def write_cell_shard(
     lead = 3  # frames before these: the cells, the links, the boundaries
     for cell in np.flatnonzero((parents < 0) & computed).tolist():
         links[cell]["frame"] = lead + len(payloads)
-        payloads.append((Kind.KEY_SET, codec.encode([np.asarray(sets[cell], np.uint32)])))
+        payloads.append((Kind.KEY_SET, code.encode([np.asarray(sets[cell], np.uint32)])))
 
     block: list[Ids] = []
     held = 0
@@ -229,8 +235,8 @@ def write_cell_shard(
         table[number] = (a - first, b, lead + len(payloads), len(block) // 2)
         block.extend(delta)
         held += len(delta.added) + len(delta.dropped)
-        if held >= BLOCK_IDS or number == len(faces) - 1:
-            payloads.append((Kind.DELTAS, codec.encode(block)))
+        if held >= code.block_ids or number == len(faces) - 1:
+            payloads.append((Kind.DELTAS, code.encode(block)))
             block, held = [], 0
         below, above = a - first, b - first
         if above < len(rows):
@@ -238,40 +244,26 @@ def write_cell_shard(
             if child >= 0:
                 links[child]["frame"], links[child]["slot"] = table[number]["frame"], table[number]["slot"]
     head = [(Kind.TABLE, pack_table(rows)), (Kind.TABLE, pack_table(links)), (Kind.TABLE, pack_table(table))]
-    return write_shard(root, [*head, *payloads]).name
+    record = write_shard(root, [*head, *payloads])
+    return CellShardRecord(record.name, record.bytes, len(rows), codec)
 
 
-def cells_section(root: Path, octree: Octree, shards: Sequence[str]) -> dict[str, Any]:
-    """Writes the table of all cells and returns what the manifest says about cells. JSON holds it.
+def cells_section(root: Path, octree: Octree, shards: Sequence[CellShardRecord]) -> CellsSection:
+    """Writes the table of all cells and returns what the manifest says about cells.
 
-    octree: where the keys of the cells lie; shards: names of the cell shards in the order of their cells' numbers.
-    Raises ValueError if cells overlap, FileNotFoundError if a shard is not there.
+    octree: where the keys of the cells lie; shards: the cell shards in the order of their cells' numbers.
+    Raises ValueError if cells overlap, CorruptStoreError if a shard is missing or not as it was written.
     """
-    readers = [_reader(root, name) for name in shards]
-    tables = [unpack_table(reader.frame(0, Kind.TABLE), CELL) for reader in readers]
+    files = ShardFiles(Files(root), ByteCache(ENDS))
+    tables = files.of_each(shards, lambda shard: shard.decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL)))
+    for shard, rows in zip(shards, tables, strict=True):
+        if len(rows) != shard.cells:
+            raise files.reader(shard).corrupt(f"it has {len(rows)} cells, not {shard.cells}")
     cells = np.concatenate([np.zeros(0, CELL), *tables])
     LeafSet(cells["key"])
     table = write_shard(root, [(Kind.TABLE, pack_table(cells))])
-    return {
-        "octree_lo": list(octree.lo),
-        "octree_size": octree.size,
-        "codec": DEFAULT,
-        "table": list(table),
-        "shards": [[*reader.record, len(rows)] for reader, rows in zip(readers, tables, strict=True)],
-        "counts": {"cells": len(cells), "computed_cells": int(cells["computed"].sum())},
-    }
-
-
-def _reader(root: Path, name: str) -> ShardReader:
-    """Reads a shard that was just written."""
-    path = root / shard_path(name)
-
-    def read(start: int, end: int) -> bytes:
-        with path.open("rb") as file:
-            file.seek(start)
-            return file.read(end - start)
-
-    return ShardReader(ShardRecord(name, path.stat().st_size), read)
+    counts = CellCounts(len(cells), int(cells["computed"].sum()))
+    return CellsSection(octree.lo, octree.size, table, tuple(shards), counts)
 
 
 def _check_tables(

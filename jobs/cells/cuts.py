@@ -14,9 +14,9 @@ import numpy as np
 from jobs.cells.parameters import CellParameters
 from jobs.cells.task_keys import bottom_of, children_in_view, first_keys
 from storage.cells import octree
+from storage.geometry_reader import Geometry
 from storage.model.cut import UNBOUNDED, choose_cut
 from storage.model.tree import leaves
-from storage.store import Geometry
 
 
 class Leaves(NamedTuple):

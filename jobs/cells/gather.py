@@ -8,7 +8,7 @@ import numpy as np
 
 from jobs.visibility.engine import EngineSettings
 from jobs.visibility.surfaces.soup import Soup, build_soup
-from storage.store import Geometry
+from storage.geometry_reader import Geometry
 
 
 def gather(store: Geometry, ids: np.ndarray, settings: EngineSettings) -> Soup:

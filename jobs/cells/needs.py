@@ -7,8 +7,8 @@ import numpy as np
 from jobs.cells.cuts import Leaves, remembered, uncrowded
 from jobs.cells.parameters import CellParameters
 from jobs.cells.task_keys import bottom_of, first_keys
+from storage.geometry_reader import Geometry
 from storage.model.cut import possible_drawables
-from storage.store import Geometry
 
 
 def triangles_needed(store: Geometry, root_key: int, parameters: CellParameters, around: Leaves) -> int:

@@ -22,8 +22,9 @@ from jobs.cells.parameters import CellParameters
 from jobs.cells.task_keys import bottom_of, children_in_view, first_keys
 from jobs.visibility.engine import CellVisibility, Engine
 from storage.cells import octree
+from storage.geometry_reader import Geometry
+from storage.meshes.turned_away import Facets
 from storage.model.tables import CELL
-from storage.store import Facets, Geometry
 
 #: A cell whose vLOD is above the target stays whole where its children would save less than this part of its triangles,
 #: on average: their number and their changes are stored for next to nothing. Only where one task knows all of them.

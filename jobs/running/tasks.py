@@ -19,17 +19,21 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from jobs.running.errors import CodeMismatchError
 from jobs.running.memory import peak_memory, reset_peak
 from jobs.running.workplace import Workplace
+from storage.base.typed_json import from_json
 
 RECORD = "record.json"
 
 Json = Mapping[str, Any]
+
+P = TypeVar("P")
+Q = TypeVar("Q")
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,10 @@ class Assignment:
     out: Path  # a fresh directory to write the result into
     payload: Json  # everything that decides the result
     places: Json  # where inputs lie
+
+    def read(self, payload: type[P], places: type[Q]) -> tuple[P, Q]:
+        """The payload and the places as the stage's dataclasses. Raises ValueError for what they are not."""
+        return from_json(payload, self.payload, "the payload"), from_json(places, self.places, "the places")
 
 
 #: The work of a task. It returns a record: small JSON; "shards" in it, a list of [name, bytes], are files of the

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from jobs.cells.parameters import CellParameters
 from jobs.running.arrays import save_array
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, TaskResult, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import code, import_model, tables
 from jobs.stages.build_state import BuildState, Tasks
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
-    from storage.store import Geometry
+    from storage.geometry_reader import Geometry
 
 STAGE = Stage(
     "cells", "jobs.stages.cells:compute_cells", code.CELLS, ("numpy", "numba"), cure="compute a smaller --region"
@@ -96,7 +96,7 @@ def compute_cells(work: Assignment) -> dict[str, Any]:
     from jobs.cells.needs import triangles_needed
     from jobs.cells.subtree import compute_subtree
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     store, parameters = _geometry(work.place, places.tables), payload.parameters
     around = Leaves.of(store, parameters)
     result = compute_subtree(store, payload.root, parameters, around)

@@ -10,13 +10,13 @@ import numpy as np
 
 from jobs.objects.object_options import ObjectOptions
 from jobs.running.arrays import mapped_array, save_array
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import code, import_model, pieces
 from jobs.stages.build_state import BuildState, Tasks
 from jobs.stages.import_model import imported_model
+from storage.base.typed_json import to_json
 
 STAGE = Stage("hierarchy", "jobs.stages.hierarchy:make_hierarchy", code.DETAIL, ("numpy", "numba"))
 
@@ -62,7 +62,7 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
     from jobs.detail.assemble import largest_stretch
     from jobs.objects.hierarchy import PLACED, build_hierarchy
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)
     tables = [np.load(work.place.result(pieces.STAGE.name, key) / "pieces.npy") for key in places.pieces]
     rows = np.concatenate(tables)

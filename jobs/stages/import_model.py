@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jobs.importing.inputs import content_of
-from jobs.running.as_json import from_json, to_json
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.running.workplace import Workplace
 from jobs.stages import code
 from jobs.stages.build_state import BuildState, Tasks
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
     from jobs.importing.model import Model
@@ -64,7 +64,7 @@ def import_files(work: Assignment) -> dict[str, Any]:
     """Model files to parts."""
     from jobs.importing.model import ImportOptions, import_model, open_model
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     options = ImportOptions(units=payload.units, up=payload.up)
     import_model([Path(path) for path in places.inputs], work.out / "model", options)
     model = open_model(work.out / "model")

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from jobs.running.arrays import save_array
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import cells, code
 from jobs.stages.build_state import BuildState, Tasks
 from storage.base.errors import ParameterError
+from storage.base.typed_json import to_json
 
 STAGE = Stage("layout", "jobs.stages.layout:lay_out_cells", code.LAYOUT, ("numpy",))
 
@@ -61,7 +61,7 @@ def lay_out_cells(work: Assignment) -> dict[str, Any]:
     """The order of all cells, and which of them share a face."""
     from storage.cells.octree import neighbours
 
-    places = from_json(Places, work.places)
+    _, places = work.read(Payload, Places)
     keys = [np.load(work.place.result(cells.STAGE.name, key) / "cells.npy")["key"] for key in places.cells]
     starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
     pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))

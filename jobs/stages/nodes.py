@@ -13,7 +13,6 @@ import numpy as np
 
 from jobs.detail.detail_options import DetailOptions
 from jobs.objects.fragments import Fragment, plan_fragments
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, TaskResult
 from jobs.running.workplace import Workplace
@@ -24,6 +23,7 @@ from jobs.stages.import_model import imported_model
 from jobs.stages.pieces import found_pieces
 from jobs.stages.shared import shared_offers
 from jobs.stages.written_nodes import MadeNode, crease_cosine, write_nodes
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
     from jobs.detail.leaf import Member
@@ -158,7 +158,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
     """The nodes of a fragment of the tree, from its leaves up to its root, and what the root offers."""
     from jobs.detail.offers import save_offers
 
-    fragment = _Fragment(work.place, from_json(Payload, work.payload), from_json(Places, work.places))
+    fragment = _Fragment(work.place, *work.read(Payload, Places))
     record = write_nodes(work, fragment.grid, fragment.made())
     (root,) = fragment.waiting
     save_offers(work.out / OFFERS, [root.offers])

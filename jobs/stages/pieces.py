@@ -8,13 +8,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from jobs.detail.detail_options import DetailOptions
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import code, import_model
 from jobs.stages.build_state import BuildState, Tasks
 from jobs.stages.import_model import imported_model
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
     from jobs.detail.pieces import PieceSet
@@ -74,7 +74,7 @@ def find_pieces(work: Assignment) -> dict[str, Any]:
     """Some meshes to pieces, no larger than Partition I allows."""
     from jobs.detail.pieces import make_pieces, save_pieces
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)
     found = make_pieces(model, payload.meshes, payload.options)
     save_pieces(work.out, found)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jobs.running.arrays import mapped_array
-from jobs.running.as_json import from_json, to_json
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.stages import cells, code, layout
 from jobs.stages.build_state import BuildState, Tasks
+from storage.base.typed_json import to_json
+from storage.cells.codecs import DEFAULT
+
+if TYPE_CHECKING:
+    from storage.shards.sections import CellShardRecord
 
 STAGE = Stage("shards", "jobs.stages.shards:write_cells", code.SHARDS, ("numpy", "zstandard"))
 
@@ -25,6 +29,7 @@ class Payload:
     shard: int  # its number
     needs: tuple[int, ...]  # numbers of the shards whose cells are looked at, its own among them
     contents: tuple[str, ...]  # of their cells
+    codec: str  # the name of the code that it is written in
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ def _shards(state: BuildState) -> Iterator[Task]:
             shard=number,
             needs=tuple(needs),
             contents=tuple(found[other].record["content"] for other in needs),
+            codec=DEFAULT,
         )
         places = Places(laid_out.key, tuple(found[other].key for other in needs))
         yield Task(STAGE, to_json(payload), to_json(places))
@@ -57,7 +63,7 @@ def write_cells(work: Assignment) -> dict[str, Any]:
     """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
     from storage.writer import write_cell_shard
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     laid_out = work.place.result(layout.STAGE.name, places.layout)
     starts = np.load(laid_out / layout.STARTS)
     number = payload.shard
@@ -73,16 +79,23 @@ def write_cells(work: Assignment) -> dict[str, Any]:
             sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
         if other == number:
             rows = np.load(folder / "cells.npy")
-    name = write_cell_shard(
+    shard = write_cell_shard(
         work.place.store,
         rows,
         [sets[cell] for cell in range(first, end)],
         [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
         first=first,
+        codec=payload.codec,
     )
-    return {"shards": [[name, (work.place.store / "shards" / name).stat().st_size]]}
+    return {"shards": [[shard.name, shard.bytes]], "cells": shard.cells, "codec": shard.codec}
 
 
-def names(state: BuildState) -> list[str]:
+def written_shards(state: BuildState) -> list[CellShardRecord]:
     """The cell shards of a build, in the order of their cells' numbers."""
-    return [str(shard.record["shards"][0][0]) for shard in state.all(STAGE)]
+    from storage.shards.sections import CellShardRecord
+
+    found = []
+    for result in state.all(STAGE):
+        ((name, size),) = result.record["shards"]
+        found.append(CellShardRecord(name, size, result.record["cells"], result.record["codec"]))
+    return found

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jobs.detail.detail_options import DetailOptions
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.running.workplace import Workplace
@@ -20,6 +19,7 @@ from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
 from jobs.stages.pieces import found_pieces
 from jobs.stages.written_nodes import MadeNode, crease_cosine, write_nodes
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
     from jobs.detail.node import Offer
@@ -93,7 +93,7 @@ def make_shared(work: Assignment) -> dict[str, Any]:
     from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
     from jobs.detail.offers import affordable, save_offers
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)
     shapes = Shapes.open(work.place, places.hierarchy)
     found = found_pieces(work.place, places.pieces)

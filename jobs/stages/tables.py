@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.running.as_json import from_json, to_json
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_key
 from jobs.running.workplace import Workplace
@@ -16,9 +15,11 @@ from jobs.stages import code, hierarchy, import_model, nodes, shared
 from jobs.stages.build_state import BuildState, Tasks
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
+from storage.base.typed_json import from_json, to_json
 
 if TYPE_CHECKING:
-    from storage.store import Geometry
+    from storage.geometry_reader import Geometry
+    from storage.shards.sections import GeometrySection
 
 STAGE = Stage("tables", "jobs.stages.tables:join_tables", code.DETAIL, ("numpy", "zstandard"))
 
@@ -70,7 +71,7 @@ def join_tables(work: Assignment) -> dict[str, Any]:
     from storage.model.tables import INSTANCE, PART
     from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
-    payload, places = from_json(Payload, work.payload), from_json(Places, work.places)
+    payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)
     shapes = Shapes.open(work.place, places.hierarchy)
     records, chunks = [], []
@@ -93,19 +94,26 @@ def join_tables(work: Assignment) -> dict[str, Any]:
     instances["matrix"] = placed
     names = [model.names[name] for name in model.parts["name"].tolist()]
     written = write_tables_shard(work.place.store, parts, names, instances, geometry, packs, joined, drawables)
-    section = geometry_section(work.place.store, model.grid.step, written, shards)
-    (work.out / SECTION).write_text(json.dumps(section, sort_keys=True))
-    return {"shards": [section["tables"]], "content": content_key(section), "counts": section["counts"]}
+    section = geometry_section(model.grid.step, written, shards)
+    content = to_json(section)
+    (work.out / SECTION).write_text(json.dumps(content, sort_keys=True))
+    return {
+        "shards": [[section.tables.name, section.tables.bytes]],
+        "content": content_key(content),
+        "counts": content["counts"],
+    }
 
 
-def geometry_section_of(place: Workplace, key: str) -> dict[str, Any]:
+def geometry_section_of(place: Workplace, key: str) -> GeometrySection:
     """The manifest's section on geometry, from a tables task."""
-    section: dict[str, Any] = json.loads((place.result(STAGE.name, key) / SECTION).read_text())
-    return section
+    from storage.shards.sections import GeometrySection
+
+    path = place.result(STAGE.name, key) / SECTION
+    return from_json(GeometrySection, json.loads(path.read_text()), str(path))
 
 
 def open_written(place: Workplace, key: str) -> Geometry:
     """The geometry of a store that has no cells yet, from a tables task."""
-    from storage.store import open_geometry
+    from storage.geometry_reader import open_geometry
 
     return open_geometry(place.store, geometry_section_of(place, key))

@@ -160,7 +160,7 @@ def play(
         "screen": asdict(screen),
         "graphics": asdict(able),
         "settings": asdict(settings),
-        "model_triangles": int(scene.store.manifest.model["triangles"]),
+        "model_triangles": scene.store.manifest.model.triangles,
         "frames": rows,
         "totals": totals(rows),
     }

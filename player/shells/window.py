@@ -77,7 +77,7 @@ class Viewer:
         self.message = "H: help"
         self.recorded: CameraPath | None = options.path if len(options.path) > 1 else None
         position, orientation = options.path.pose(0)
-        up = str(scene.store.manifest.model["up"])
+        up = scene.store.manifest.model.up
         self.camera = Camera(np.array(position), 0.0, 0.0, up, speed=2 * options.eye_height)
         self.camera.look_at(position, orientation)
         self._recording: list[tuple[float, np.ndarray, np.ndarray]] | None = None
@@ -297,7 +297,7 @@ class Viewer:
     def _statistics_rows(self, s: FrameStatistics) -> list[tuple[str, str]]:
         source = "vLOD" if s.computed else ("run time" if s.strategy == "vlod" else s.strategy)
         cell = "none" if s.cell < 0 else str(s.cell)
-        total = int(self.scene.store.manifest.model["triangles"])
+        total = self.scene.store.manifest.model.triangles
         milliseconds = max(self._milliseconds, 1e-3)
         return [
             ("frames/s", f"{1000 / milliseconds:.0f}  ({s.frame_ms:.1f} ms, {s.cpu_ms:.1f} ms CPU)"),

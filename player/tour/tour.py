@@ -127,8 +127,8 @@ def _coarse(scene: Scene, error: float) -> NDArray[np.int64]:
 def _eye_height(scene: Scene, voxels: Voxels) -> float:
     """Height of a walker's eyes in model units: a person's, unless the rooms' height says that the unit is a guess."""
     model = scene.store.manifest.model
-    up = AXES[str(model["up"])]
-    person = _EYE_HEIGHT / float(model["unit_in_metres"])
+    up = AXES[model.up]
+    person = _EYE_HEIGHT / model.unit_in_metres
     floors = free_run(voxels.occupied, up, -1) == 0
     floors &= ~voxels.occupied
     above = free_run(voxels.occupied, up, 1)[floors]
@@ -158,7 +158,7 @@ def _walk(scene: Scene, known: Survey, *, frames: int, seed: int) -> CameraPath 
 def _region(scene: Scene, voxels: Voxels, eyes: float) -> _Region | None:
     """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
     store, occupied = scene.store, voxels.occupied
-    up = AXES[str(store.manifest.model["up"])]
+    up = AXES[store.manifest.model.up]
     eye = eyes / voxels.size
     room = clearance(occupied)
     below = free_run(occupied, up, -1)
@@ -276,7 +276,7 @@ def _eroded(values: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
 
 def _looking_ahead(scene: Scene, positions: NDArray[np.float64], eyes: float) -> CameraPath:
     """Poses that look along the motion, a little ahead, turning smoothly and never far up or down."""
-    up_name = str(scene.store.manifest.model["up"])
+    up_name = scene.store.manifest.model.up
     up = up_vector(up_name)
     step = max(float(np.sqrt(((positions[1] - positions[0]) ** 2).sum())), 1e-12)
     ahead = max(2, round(1.5 * eyes / step))
@@ -292,7 +292,7 @@ def _looking_ahead(scene: Scene, positions: NDArray[np.float64], eyes: float) ->
 
 def _orbit(scene: Scene, *, frames: int, seed: int) -> CameraPath:
     """A turn around the model, looking at its middle from a little above."""
-    up_name = str(scene.store.manifest.model["up"])
+    up_name = scene.store.manifest.model.up
     up = up_vector(up_name)
     centre = (scene.lo + scene.hi) / 2
     start = np.random.default_rng(seed).random() * 2 * math.pi

@@ -42,10 +42,10 @@ def measure(file: Path, folder: Path, parameters: BuildParameters) -> dict[str, 
     report = build([file], folder, parameters, SerialExecutor())
     store = open_store(folder)
     cells = store.cells
-    lo, hi = (np.asarray(store.manifest.model[name]) for name in ("lo", "hi"))
+    lo, hi = (np.asarray(corner) for corner in (store.manifest.model.lo, store.manifest.model.hi))
     if parameters.view_box is not None:
         lo, hi = np.asarray(parameters.view_box[:3]), np.asarray(parameters.view_box[3:])
-        lo, hi = lo - store.manifest.model["origin"], hi - store.manifest.model["origin"]
+        lo, hi = lo - store.manifest.model.origin, hi - store.manifest.model.origin
     inside = (np.minimum(cells["hi"], hi) - np.maximum(cells["lo"], lo)).clip(min=0).prod(axis=1)
     raised = cells["pixel_error"] > parameters.pixel_error
     return {

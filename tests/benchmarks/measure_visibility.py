@@ -27,8 +27,8 @@ import numpy as np
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
 from jobs.visibility.surfaces.soup import build_soup
+from storage.geometry_reader import Geometry
 from storage.model.cut import cut_within
-from storage.store import Geometry
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
 

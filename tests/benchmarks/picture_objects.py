@@ -66,7 +66,7 @@ def without(file: Path, words: list[str]) -> None:
 
 def outside(scene: Scene, yaw: float, pitch: float) -> CameraPath:
     """One pose that looks at the model from a direction in degrees and has all of it in the picture."""
-    up = str(scene.store.manifest.model["up"])
+    up = scene.store.manifest.model.up
     ahead = -yaw_pitch_direction(np.radians(yaw), np.radians(pitch), up)
     orientation = looking(ahead, up_vector(up))
     right = np.cross(ahead, up_vector(up))

@@ -76,7 +76,7 @@ def rewrite_cells(store: Store, rows: np.ndarray) -> None:
     pairs, _ = neighbours(rows["key"])
     sets = [store.vlod(cell).astype(np.uint32) for cell in range(len(rows))]
     shard = write_cell_shard(root, rows, sets, [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()], first=0)
-    octree = Octree(tuple(section["octree_lo"]), section["octree_size"])
+    octree = Octree(section.octree_lo, section.octree_size)
     commit(root, replace(store.manifest, cells=cells_section(root, octree, [shard])))
 
 

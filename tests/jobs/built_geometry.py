@@ -20,8 +20,8 @@ from jobs.stages import import_model, tables
 from jobs.stages.build_state import BuildState, StageFile
 from jobs.stages.import_model import imported_model
 from storage.base.progress import Silent
+from storage.geometry_reader import Geometry
 from storage.meshes.placement import transform_points
-from storage.store import Geometry
 
 #: All that comes before cells.
 GEOMETRY = STAGES[: STAGES.index(tables) + 1]

@@ -77,7 +77,7 @@ def test_cells_tile_the_view_space(built):
     store = open_store(path)
     model = store.manifest.model
     rng = np.random.default_rng(1)
-    points = rng.uniform(model["lo"], model["hi"], (500, 3))
+    points = rng.uniform(model.lo, model.hi, (500, 3))
     cells = store.cell_at(points)
     assert (cells >= 0).all()
     assert (store.cells["lo"][cells] <= points).all()
@@ -191,7 +191,7 @@ def test_another_visibility_engine_is_written_down_and_works_out_the_cells_anew(
 
 def test_a_region_computes_only_cells_that_touch_it(model, built, tmp_path):
     region = (0.5, 0.5, 0.5, 3.0, 3.0, 1.5)
-    view = tuple(open_store(built[0]).manifest.model["lo"] + open_store(built[0]).manifest.model["hi"])
+    view = tuple(open_store(built[0]).manifest.model.lo + open_store(built[0]).manifest.model.hi)
     parameters = dataclasses.replace(PARAMETERS, region=region, view_box=view)
     build([model], tmp_path / "store", parameters, SerialExecutor())
     cells = open_store(tmp_path / "store").cells
@@ -246,7 +246,7 @@ def test_an_edited_model_is_built_anew(tmp_path):
     write_rooms(model, rooms=2)
     report = build([model], store, BuildParameters(), SerialExecutor())
     assert report.version == 2
-    assert open_store(store).manifest.model["triangles"] == report.model["triangles"]
+    assert open_store(store).manifest.model.triangles == report.model["triangles"]
 
 
 @pytest.mark.parametrize(

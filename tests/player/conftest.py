@@ -13,7 +13,8 @@ from player.camera.view import View, looking
 from player.errors import GraphicsError
 from player.renderer.context import headless_context
 from player.scene import Scene, scene_of
-from storage.store import Geometry, Store
+from storage.geometry_reader import Geometry
+from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -10,8 +10,9 @@ from storage import open_store
 from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
 from storage.cells.deltas import apply
 from storage.cells.octree import neighbours
+from storage.geometry_reader import open_geometry
 from storage.meshes.placement import transform_points
-from storage.store import Store, open_geometry
+from storage.store import Store
 from tests.storage.strategies import leaf_sets
 from tests.storage.tiny_store import TinyPart, box_part, make_geometry, make_store, room_parts
 
@@ -76,7 +77,7 @@ def test_normals_of_stretched_instances_stay_at_right_angles(tmp_path: Path) -> 
 def test_surfaces_are_the_meshes_one_after_the_other(
     store: Store, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("storage.store.SURFACES_AT_ONCE", at_once)
+    monkeypatch.setattr("storage.geometry_reader.SURFACES_AT_ONCE", at_once)
     ids = np.arange(len(store.drawables))[::-2]
     found = store.surfaces(ids)
     assert found.points.dtype == np.int32

@@ -1,15 +1,18 @@
 import errno
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from storage.base.errors import StoreNotFoundError
+from storage.base.errors import CorruptStoreError, StoreNotFoundError
 from storage.cells.codecs import DEFAULT, codec_named
 from storage.cells.octree import Octree
 from storage.meshes.pack import MeshArrays
 from storage.model.tables import CELL, DRAWABLE, GEOMETRY, INSTANCE, NODE, PACK, PART
+from storage.shards.sections import CellCounts, CellShardRecord, GeometryCounts
+from storage.shards.shards import ShardRecord
 from storage.store import open_store
 from storage.writer import (
     PACK_BYTES,
@@ -97,7 +100,7 @@ def test_levels_without_source_faces_keep_none(tmp_path: Path) -> None:
 def test_shards_are_joined(tmp_path: Path) -> None:
     records = [write_geometry_shard(tmp_path, [(0, [_mesh(seed), _mesh(seed + 50)])]) for seed in range(3)]
     geometry, packs, shards = join_geometry(records)
-    assert shards == [record.name for record in records]
+    assert shards == [ShardRecord(record.name, record.bytes) for record in records]
     assert packs["shard"].tolist() == [0, 0, 1, 1, 2, 2]
     assert geometry["pack"].tolist() == list(range(6))
     empty_geometry, empty_packs, none = join_geometry([])
@@ -151,12 +154,37 @@ def test_every_part_has_a_name(tmp_path: Path) -> None:
 
 
 def test_sections_need_their_shards(tmp_path: Path) -> None:
-    name = write_tables_shard(tmp_path, **_tables())
-    assert geometry_section(tmp_path, 0.5, name, [])["counts"]["drawables"] == 2
-    with pytest.raises(FileNotFoundError):
-        geometry_section(tmp_path, 0.5, name, ["missing"])
-    with pytest.raises(FileNotFoundError):
-        cells_section(tmp_path, Octree((0, 0, 0), 1), ["missing"])
+    missing = CellShardRecord("missing", 100, 1, DEFAULT)
+    with pytest.raises(CorruptStoreError, match="shards/missing is missing") as caught:
+        cells_section(tmp_path, Octree((0, 0, 0), 1), [missing])
+    assert caught.value.file == "shards/missing"
+
+
+def test_what_tables_count(tmp_path: Path) -> None:
+    tables = _tables()
+    tables["geometry"]["triangles"] = tables["drawables"]["triangles"] = [7, 3]
+    section = geometry_section(0.5, write_tables_shard(tmp_path, **tables), [ShardRecord("packs", 9)])
+    assert section.shards == (ShardRecord("packs", 9),)
+    assert section.counts == GeometryCounts(
+        parts=1,
+        instances=0,
+        geometries=2,
+        packs=1,
+        nodes=1,
+        drawables=2,
+        leaves=1,
+        levels=2,
+        stored_triangles=10,
+        finest_triangles=7,
+    )
+
+
+def test_cells_are_as_many_as_their_shard_says(tmp_path: Path) -> None:
+    shard = write_cell_shard(tmp_path, _cells(2), 2 * [np.zeros(0, np.uint32)], [], first=0)
+    assert cells_section(tmp_path, Octree((0, 0, 0), 1), [shard]).counts == CellCounts(2, 2)
+    with pytest.raises(CorruptStoreError, match=r"it has 2 cells, not 3") as caught:
+        cells_section(tmp_path, Octree((0, 0, 0), 1), [replace(shard, cells=3)])
+    assert caught.value.file == f"shards/{shard.name}"
 
 
 def _cells(count: int) -> np.ndarray:
@@ -232,8 +260,7 @@ def test_boundaries_take_few_bytes(tmp_path: Path) -> None:
     cells = np.zeros(64, CELL)
     cells["key"], cells["drawables"], cells["computed"] = np.arange(64, 128), 4000, True
     faces = [(a, a + 1, sets[a], sets[a + 1]) for a in range(63)]
-    name = write_cell_shard(tmp_path, cells, sets, faces, first=0)
+    size = write_cell_shard(tmp_path, cells, sets, faces, first=0).bytes
     whole = sum(len(codec_named(DEFAULT).encode([ids])) for ids in sets)
-    size = (tmp_path / "shards" / name).stat().st_size
     assert size < whole / 6
     assert size < 63 * 300 + 4 * whole / 64 + 1000

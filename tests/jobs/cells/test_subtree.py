@@ -14,12 +14,13 @@ from jobs.cells.parameters import CellParameters
 from jobs.cells.subtree import compute_subtree
 from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
 from jobs.pipeline import build
-from jobs.running.as_json import from_json, to_json
 from jobs.running.executors import SerialExecutor
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store
+from storage.base.typed_json import from_json, to_json
 from storage.cells import octree
-from storage.store import Geometry, Store
+from storage.geometry_reader import Geometry
+from storage.store import Store
 from tests.jobs.built_geometry import build_geometry
 
 PARAMETERS = BuildParameters(triangles_per_cell=2000, max_depth=3, quality="draft")
@@ -44,7 +45,7 @@ def built(model, folder, parameters: BuildParameters) -> Store:
 def of_cells(geometry: Geometry, parameters: BuildParameters) -> CellParameters:
     lo, hi = (geometry.nodes[name][0].astype(np.float64) for name in ("lo", "hi"))
     space = view_space(parameters, lo, hi, np.zeros(3))
-    return from_json(CellParameters, to_json(parameters.cells(space)))
+    return from_json(CellParameters, to_json(parameters.cells(space)), "parameters")
 
 
 def test_what_splits_save_little_stays_whole(small_plant, default, tmp_path, monkeypatch):

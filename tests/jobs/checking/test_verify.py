@@ -11,9 +11,9 @@ import pytest
 
 from jobs.checking.verify import verify
 from jobs.running.errors import WorkerLostError
+from storage.geometry_reader import Geometry
 from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
-from storage.store import Geometry
 from tests.storage.tiny_store import make_store, room_parts
 
 

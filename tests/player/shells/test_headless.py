@@ -16,7 +16,8 @@ from player.renderer.context import headless_context
 from player.scene import Scene, scene_of
 from player.shells.headless import Screen, play, write_report
 from player.walkthrough import STRATEGIES, Settings
-from storage.store import Geometry, Store, open_store
+from storage.geometry_reader import Geometry
+from storage.store import Store, open_store
 from tests.player.conftest import UP, store_path
 from tests.storage.tiny_store import make_store, room_parts
 

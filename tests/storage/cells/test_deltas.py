@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from storage.cells.deltas import Delta, apply, difference, odd_ones
+from storage.cells.deltas import Delta, apply, apply_chain, difference
 from storage.cells.octree import neighbours
 from storage.cells.spanning_forest import LONGEST_CHAIN, spanning_forest
 from tests.storage.strategies import id_sets, leaf_sets
@@ -28,7 +28,7 @@ def test_a_chain_of_deltas_is_applied_at_once(chain: list[np.ndarray]) -> None:
     lists = [chain[0]]
     for before, after in pairwise(chain):
         lists += difference(before, after)
-    assert np.array_equal(odd_ones(lists), chain[-1])
+    assert np.array_equal(apply_chain(lists), chain[-1])
 
 
 def test_changes_that_do_not_fit_are_refused() -> None:

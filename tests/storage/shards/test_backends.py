@@ -110,7 +110,7 @@ def test_a_missing_store_is_named(place: str | Path) -> None:
 def test_a_missing_shard_is_named(original: Store, tmp_path: Path, scheme: str) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(original.files.url, folder)
-    name = original.manifest.geometry["shards"][0][0]
+    name = original.manifest.geometry.shards[0].name
     (folder / "shards" / name).unlink()
     places: dict[str, Callable[[], Iterator[str]]] = {
         "path": lambda: iter([str(folder)]),

@@ -5,11 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError, StoreFormatError
-from storage.cells.codecs import CODECS, DEFAULT, Codec, codec_named
+from storage.cells.codecs import DEFAULT, Codec, codec_named, codecs
 from storage.cells.codecs.varint import decode_varints, encode_varints
 from tests.storage.strategies import id_sets
 
-EVERY = pytest.mark.parametrize("codec", CODECS.values(), ids=lambda codec: codec.name)
+EVERY = pytest.mark.parametrize("codec", codecs().values(), ids=lambda codec: codec.name)
 
 
 @EVERY

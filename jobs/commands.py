@@ -175,7 +175,7 @@ def build(
     from jobs.importing.inputs import total_bytes
     from jobs.parameters import OBJECTS, BuildParameters
     from jobs.pipeline import build as build_store
-    from jobs.running.choose_executor import choose_executor
+    from jobs.running.choose_executor import AUTO_RAY_BYTES, choose_executor
     from storage.base.progress import progress_for
 
     if not inputs:
@@ -187,7 +187,7 @@ def build(
     parameters = BuildParameters(**options)
     # What ends a job on a cluster is treated as the user's own interrupt: workers stop, what is finished is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs))
+    chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs, AUTO_RAY_BYTES))
     try:
         with progress_for() as progress:
             done = build_store(inputs, store, parameters, chosen, progress, work, memory)

@@ -22,7 +22,7 @@ from jobs.detail.collapsing.attributes import corner_normals, keep_given_normals
 from jobs.detail.collapsing.face_normals import face_normals
 from jobs.detail.detail_options import DetailOptions
 from jobs.importing.model import Model
-from jobs.objects.find import Pieces, find_pieces
+from jobs.objects.find import GridPieces, find_pieces
 from jobs.running.arrays import mapped_array, save_array
 from storage.meshes.normals import to_octahedral
 from storage.model.tables import GRID_LIMIT
@@ -203,7 +203,7 @@ def _joined_starts(starts: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.concatenate([np.diff(s) for s in starts]))]).astype(np.int64)
 
 
-def _left_out(found: Pieces, displacement: np.ndarray) -> np.ndarray:
+def _left_out(found: GridPieces, displacement: np.ndarray) -> np.ndarray:
     """How far snapping moved faces that are not drawn and may belong to each piece: (pieces,), -1 without any.
 
     displacement (m, 3): of the corners of all faces. On the grid such a face lies on others of its component, in one

@@ -1,4 +1,4 @@
-"""Scenes of several files become one sequence of repaired meshes and their placements, in the first file's frame.
+"""Scenes of several files become repaired meshes, and parts that place them, in the first file's frame.
 
 One scene, and of it one mesh, is held at a time.
 """
@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jobs.importing.keeping.saved import MeshView, Placement
-from jobs.importing.reading.repair import FARTHEST, repair
-from jobs.importing.reading.scene import Defect, SourceScene, Tally, compose
+from jobs.importing.keeping.saved import MeshView, Part
+from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.source_scene import SourceScene, compose
+from jobs.importing.repair import FARTHEST, repair
 from storage.base.errors import ModelError, ParameterError
 from storage.meshes.placement import IDENTITY
 
@@ -78,7 +79,7 @@ def metres_per_unit(units: str | float) -> float:
 class Joined(NamedTuple):
     """Scenes in one frame."""
 
-    placements: list[Placement]  # of the meshes, counted in the order in which they were handed on
+    parts: list[Part]  # of the meshes, counted in the order in which they were handed on
     up: str  # "x", "y" or "z"
     unit_in_metres: float
     report: dict[str, dict[str, Any]]  # of what was repaired
@@ -114,16 +115,16 @@ def join_scenes(
         )
         with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
             joined.add(scene, frame, prefix)
-    if not joined.placements:
+    if not joined.parts:
         raise ModelError(f"{_inputs(files)}: no triangle is left to draw{_losses(joined.tally)}; check the export")
-    return Joined(joined.placements, axis, unit, joined.tally.report())
+    return Joined(joined.parts, axis, unit, joined.tally.report())
 
 
 class _Joining:
-    """Meshes handed on, and placements and defects noted, scene by scene."""
+    """Meshes handed on, and parts and defects noted, scene by scene."""
 
     def __init__(self, take: Callable[[MeshView], None]) -> None:
-        self.placements: list[Placement] = []
+        self.parts: list[Part] = []
         self.tally = Tally()
         self._take = take
         self._meshes = 0
@@ -134,7 +135,7 @@ class _Joining:
         users: dict[int, list[int]] = {}
         for number, node in enumerate(scene.nodes):
             users.setdefault(node.mesh, []).append(number)
-        placed: dict[int, Placement] = {}
+        placed: dict[int, Part] = {}
         for index in sorted(users):
             mesh = self._repaired(scene, index, users[index], prefix)
             if mesh is None:
@@ -147,10 +148,10 @@ class _Joining:
                 if misplaced[at] or flat[at]:
                     self.tally.add(Defect.MISPLACED if misplaced[at] else Defect.SINGULAR, prefix + node.name)
                 else:
-                    placed[number] = Placement(self._meshes, prefix + node.name, matrices[at])
+                    placed[number] = Part(self._meshes, prefix + node.name, matrices[at])
             self._take(mesh)
             self._meshes += 1
-        self.placements.extend(placed[number] for number in sorted(placed))
+        self.parts.extend(placed[number] for number in sorted(placed))
 
     def _repaired(self, scene: SourceScene, index: int, users: Sequence[int], prefix: str) -> MeshView | None:
         """A mesh without its defects, which are noted for each node that places it; None if nothing is left."""

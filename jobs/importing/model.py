@@ -1,7 +1,7 @@
 """The imported model: what the rest of the job works on.
 
 import_model(inputs, out, options) -> ImportReport    model files to a directory
-write_model(out, meshes, placements)                  arrays to such a directory
+write_model(out, meshes, parts)                       arrays to such a directory
 open_model(path) -> Model                             the directory, memory-mapped
 """
 
@@ -16,23 +16,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.importing.keeping.saved import COLUMNS, FORMAT, MESH, PART, MeshView, Placement, write_model
+from jobs.importing.keeping.saved import (
+    COLUMNS,
+    DIRECTORY_FORMAT,
+    IMPORTED_MESH,
+    IMPORTED_PART,
+    MeshView,
+    Part,
+    write_model,
+)
 from jobs.running.arrays import mapped_array
 from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
 from storage.model.tables import Grid
 
 if TYPE_CHECKING:
-    from jobs.importing.reading.scene import SourceScene
+    from jobs.importing.reading.source_scene import SourceScene
 
 __all__ = [
-    "MESH",
-    "PART",
+    "IMPORTED_MESH",
+    "IMPORTED_PART",
     "ImportOptions",
     "ImportReport",
     "MeshView",
     "Model",
-    "Placement",
+    "Part",
     "import_model",
     "open_model",
     "write_model",
@@ -54,8 +62,8 @@ class Model:
     colours: np.ndarray  # (n, 4) uint8 sRGB and alpha
     triangles: np.ndarray  # (m, 3) uint32, counted from the mesh's first vertex
     source_faces: np.ndarray  # (m,) uint32
-    meshes: np.ndarray  # MESH (k,)
-    parts: np.ndarray  # PART (p,)
+    meshes: np.ndarray  # IMPORTED_MESH (k,)
+    parts: np.ndarray  # IMPORTED_PART (p,)
     names: tuple[str, ...]  # parts["name"] counts into these
     origin: np.ndarray  # (3,) float64: input coordinates = model coordinates + origin
     up: str  # "x", "y" or "z"
@@ -115,11 +123,11 @@ def open_model(path: Path) -> Model:
     """Open the imported model in the directory `path`. Raises ModelError if there is none or it is damaged."""
     try:
         header = json.loads((path / "model.json").read_text("ascii"))
-        if header["format"] != FORMAT:
+        if header["format"] != DIRECTORY_FORMAT:
             raise ModelError(f"{path}: an imported model of another version of vLOD; import the files again")
         arrays = {name: mapped_array(path / f"{name}.npy") for name in COLUMNS}
         meshes, parts = np.load(path / "meshes.npy"), np.load(path / "parts.npy")
-        if meshes.dtype != MESH or parts.dtype != PART:
+        if meshes.dtype != IMPORTED_MESH or parts.dtype != IMPORTED_PART:
             raise ValueError("unexpected columns")
         meshes.flags.writeable = parts.flags.writeable = False
         return Model(
@@ -179,7 +187,7 @@ def import_model(
             joined = join_scenes([file for file, _ in files], scenes(), options.units, options.up, meshes.add)
             tell(len(files), len(files) + 1)
             write_model(
-                out, meshes, joined.placements, up=joined.up, unit_in_metres=joined.unit_in_metres, report=joined.report
+                out, meshes, joined.parts, up=joined.up, unit_in_metres=joined.unit_in_metres, report=joined.report
             )
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,36 +1,20 @@
-"""Which reader reads which file. Whatever goes wrong in one becomes a ModelError of one line.
+"""Which files are read, and each by its reader. Whatever goes wrong in one becomes a ModelError of one line.
 
 Readers of binary glTF and OBJ hand over their meshes one by one, as they are asked for; the others hold a whole file.
 """
 
 from __future__ import annotations
 
-import importlib
-import logging
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from jobs.importing.formats.known import checked_file, extensions, format_of, kinds, sniffed
 from jobs.importing.reading.content import Content, FileContent
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import SourceMesh, SourceScene, UnreadMeshes
+from jobs.importing.reading.source_scene import SourceMesh, SourceScene, UnreadMeshes
 from storage.base.errors import ModelError
-
-Reader = Callable[[Path, Content, Resources], SourceScene]
-
-#: The module of `jobs.importing` whose `read(file, content, resources)` reads files of an extension.
-READERS = {
-    ".dae": "dae_file",
-    ".glb": "gltf_file",
-    ".gltf": "gltf_file",
-    ".obj": "obj_file",
-    ".off": "off_file",
-    ".ply": "ply_file",
-    ".stl": "stl_file",
-}
-
-KINDS = ", ".join(READERS)
 
 #: Bytes that are looked through at once.
 _BLOCK = 1 << 16
@@ -42,44 +26,39 @@ def find_files(inputs: Sequence[Path]) -> list[tuple[Path, Path]]:
     Raises ModelError for what does not exist, for a file that is not of a known kind, and for a folder without models.
     """
     if not inputs:
-        raise ModelError(f"no input given; name a model file ({KINDS}) or a folder of them")
+        raise ModelError(f"no input given; name a model file ({kinds()}) or a folder of them")
+    known = extensions()
     found: list[tuple[Path, Path]] = []
     for path in inputs:
         if path.is_dir():
             try:
-                files = [file for file in path.rglob("*") if file.suffix.lower() in READERS and file.is_file()]
+                files = [file for file in path.rglob("*") if file.suffix.lower() in known and file.is_file()]
             except OSError as error:
                 raise ModelError(
                     f"{path}: the folder cannot be read ({error.strerror}); check its permissions"
                 ) from None
             if not files:
-                raise ModelError(f"{path}: the folder holds no model; expected files of these kinds: {KINDS}")
+                raise ModelError(f"{path}: the folder holds no model; expected files of these kinds: {kinds()}")
             files.sort(key=lambda file: file.relative_to(path).parts)
             found.extend((file, path) for file in files)
-        elif not path.exists():
-            raise ModelError(f"{path}: there is no such file or folder; check the path")
-        elif not path.is_file():
-            raise ModelError(f"{path}: not a regular file; name a model file ({KINDS}) or a folder of them")
-        elif path.suffix.lower() not in READERS:
-            raise ModelError(f"{path}: not a kind of model that is known; expected one of {KINDS}")
         else:
+            format_of(checked_file(path))
             found.append((path, path.parent))
     return found
 
 
 def read_scene(file: Path, root: Path) -> SourceScene:
     """Read one model file; `root` is the outermost folder that it may refer to. Raises ModelError."""
-    kind = file.suffix.lower()
     content = FileContent(file)
     with _reading(file):
         if _is_blank(content):
             raise ModelError(f"{file}: the file is empty; export the model again")
-        looks = looks_like(content)
-    if looks is not None and looks != kind:
-        raise ModelError(f"{file}: this is a {looks} file; rename it so that its extension says so")
-    reader: Reader = importlib.import_module(f"jobs.importing.formats.{READERS[kind]}").read
+        looks = sniffed(content)
+    known = format_of(file)
+    if looks is not None and looks != known:
+        raise ModelError(f"{file}: this is a {looks.extensions[0]} file; rename it so that its extension says so")
     with _reading(file):
-        scene = reader(file, content, Resources(file, root))
+        scene = known.read(file, content, Resources(file, root))
     if not scene.meshes or not scene.nodes:
         raise ModelError(f"{file}: the file holds no triangles; export the model again with its surfaces")
     meshes = scene.meshes
@@ -123,35 +102,12 @@ def _is_blank(content: Content) -> bool:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Parsers neither warn nor log: what they stumble over is counted, or ends in a ModelError."""
-    log = logging.getLogger("trimesh")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            # older numpys warn where newer ones raise: at text among numbers
-            warnings.filterwarnings("error", message="string or file could not be read to its end")
-            yield
-    finally:
-        log.setLevel(level)
-
-
-def looks_like(content: Content) -> str | None:
-    """The extension that the first bytes speak for, None if they speak for none in particular."""
-    start = content.part(0, 4096)
-    if start.startswith(b"glTF"):
-        return ".glb"
-    if start.startswith((b"ply\n", b"ply\r")):
-        return ".ply"
-    if start.startswith((b"OFF\n", b"OFF\r", b"COFF\n", b"COFF\r")):
-        return ".off"
-    head = start.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if head.startswith(b"<") and b"<COLLADA" in head:
-        return ".dae"
-    if head.startswith(b"{") and b'"asset"' in content.part(0, content.size):
-        return ".gltf"
-    return None
+    """Parsers do not warn: what they stumble over is counted, or ends in a ModelError."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        # older numpys warn where newer ones raise: at text among numbers
+        warnings.filterwarnings("error", message="string or file could not be read to its end")
+        yield
 
 
 def _one_line(error: BaseException) -> str:

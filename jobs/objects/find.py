@@ -14,7 +14,7 @@ from jobs.objects.weld import twins, weld
 
 
 @dataclass(frozen=True)
-class Pieces:
+class GridPieces:
     """The pieces of a batch of meshes. Triangles lie piece by piece, mesh after mesh.
 
     Triangles that are not drawn for want of area (see `flat_faces`) are kept apart: they are part of the surface that
@@ -40,7 +40,7 @@ class Pieces:
 
 def find_pieces(
     grid_points: np.ndarray, mesh: np.ndarray, triangles: np.ndarray, meshes: int, limits: Limits, size: np.ndarray
-) -> Pieces:
+) -> GridPieces:
     """Part triangles (m, 3) int64 over vertices at grid_points (n, 3) int32 of meshes mesh (n,) int32 into pieces.
 
     size (meshes,): see `partition`. Vertices of different meshes are never welded.
@@ -65,7 +65,7 @@ def find_pieces(
     shared, sharing_start, sharing = _shared_vertices(own, piece)
 
     flat_source = np.delete(np.arange(len(triangles)), kept)
-    return Pieces(
+    return GridPieces(
         points=points,
         triangles=own,
         source=source,

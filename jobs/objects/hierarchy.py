@@ -26,7 +26,7 @@ from jobs.objects.tree import Tree, build_tree
 MERGED_TRIANGLES = 64
 
 #: A piece as it is placed in the model.
-PLACED = np.dtype(
+PLACED_PIECE = np.dtype(
     [
         ("piece", "<u4"),  # index among all pieces
         ("part", "<u4"),  # index of the part that places it
@@ -52,7 +52,7 @@ class Hierarchy(NamedTuple):
 def build_hierarchy(
     placed: np.ndarray, options: ObjectOptions, model_lo: np.ndarray, model_hi: np.ndarray
 ) -> Hierarchy:
-    """Cluster placed pieces, PLACED (p,), p > 0, split what became too much, and build the tree."""
+    """Cluster placed pieces, PLACED_PIECE (p,), p > 0, split what became too much, and build the tree."""
     shared = placed["instanced"] & (placed["triangles"] > MERGED_TRIANGLES)
     kind = np.where(shared, -1, placed["outward"].astype(np.int64))
     lo, hi = np.ascontiguousarray(placed["lo"]), np.ascontiguousarray(placed["hi"])

@@ -60,7 +60,7 @@ def tasks(state: BuildState) -> Tasks:
 def make_hierarchy(work: Assignment) -> dict[str, Any]:
     """All placed pieces to objects, and the tree above them."""
     from jobs.detail.assemble import largest_stretch
-    from jobs.objects.hierarchy import PLACED, build_hierarchy
+    from jobs.objects.hierarchy import PLACED_PIECE, build_hierarchy
 
     payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)
@@ -71,7 +71,7 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
     part_start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     part = np.repeat(np.arange(len(model.parts)), counts)
     piece = np.arange(part_start[-1]) - part_start[part] + mesh_start[model.parts["mesh"]][part]
-    placed = np.zeros(len(piece), PLACED)
+    placed = np.zeros(len(piece), PLACED_PIECE)
     placed["piece"], placed["part"] = piece, part
     placed["triangles"], placed["outward"] = rows["triangles"][piece], rows["outward"][piece]
     placed["instanced"] = ~model.parts["identity"][part]
@@ -112,7 +112,7 @@ class Shapes:
     members: np.ndarray  # (p,) int64: placed pieces, object by object
     start: np.ndarray  # (objects + 1,) int64 into members
     shared: np.ndarray  # (objects,) bool: one placement of an instanced piece, with levels that all of them share
-    placed: np.ndarray  # PLACED (p,): part by part, in each the pieces of its mesh in their order
+    placed: np.ndarray  # PLACED_PIECE (p,): part by part, in each the pieces of its mesh in their order
     part_start: np.ndarray  # (parts + 1,) int64 into placed
     mesh_start: np.ndarray  # (meshes + 1,) int64: first piece of each mesh
     chunk_start: np.ndarray  # (chunks + 1,) int64: first piece of each task that found pieces

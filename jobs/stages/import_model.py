@@ -20,7 +20,7 @@ STAGE = Stage(
     "import",
     "jobs.stages.import_model:import_files",
     code.IMPORTING,
-    ("numpy", "trimesh"),
+    ("numpy", "pillow"),
     cure="part the largest mesh, or the file, in the program that wrote it",
 )
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.importing.model import MeshView, Placement, write_model
-from jobs.importing.reading.repair import repair
-from jobs.importing.reading.scene import SourceMesh
+from jobs.importing.model import MeshView, Part, write_model
+from jobs.importing.reading.source_scene import SourceMesh
+from jobs.importing.repair import repair
 from jobs.parameters import BuildParameters
 from storage.model.cut import cut_within
 from storage.model.tree import leaves, parents
@@ -27,7 +27,7 @@ class NastyModel(NamedTuple):
     """Meshes and where they are placed, and how the hierarchy above them is built."""
 
     meshes: list[MeshView]
-    placements: list[Placement]
+    placements: list[Part]
     parameters: BuildParameters
 
 
@@ -36,7 +36,7 @@ def nasty_model(rng: np.random.Generator) -> NastyModel:
     size = float(10.0 ** rng.uniform(-3, 4))
     room = LARGEST
     meshes: list[MeshView] = []
-    placements: list[Placement] = []
+    placements: list[Part] = []
     for _ in range(int(rng.integers(1, 9))):
         points, triangles = KINDS[rng.integers(len(KINDS))](rng)
         points = points * np.exp(rng.normal(0, rng.choice([0.0, 0.3, 2.0]), 3))
@@ -48,7 +48,7 @@ def nasty_model(rng: np.random.Generator) -> NastyModel:
         room -= len(mesh.triangles)
         meshes.append(mesh)
         times = int(rng.choice([1, 1, 2, 5, 15]))
-        placements += [Placement(len(meshes) - 1, f"part {len(meshes)}", _matrix(rng, size)) for _ in range(times)]
+        placements += [Part(len(meshes) - 1, f"part {len(meshes)}", _matrix(rng, size)) for _ in range(times)]
     if not meshes:
         return nasty_model(rng)
     if rng.random() < 0.2:  # far from the origin

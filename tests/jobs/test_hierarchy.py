@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jobs.importing.model import MeshView, Placement, write_model
+from jobs.importing.model import MeshView, Part, write_model
 from jobs.scenes import write_scene
 from storage.model.cut import cut_within
 from storage.model.tree import leaves, parents
@@ -132,7 +132,7 @@ def test_instances_stay_shared_and_melt_above(tmp_path) -> None:
         faces += [(112, at, (at + 1) % 16), (113, 96 + (at + 1) % 16, 96 + at)]
     ball = MeshView.of(points, np.array(faces))
     spots = rng.uniform(0, 100, (60, 3))
-    placements = [Placement(0, f"ball {i}", np.hstack([np.eye(3), spot[:, None]])) for i, spot in enumerate(spots)]
+    placements = [Part(0, f"ball {i}", np.hstack([np.eye(3), spot[:, None]])) for i, spot in enumerate(spots)]
     write_model(tmp_path / "model", [ball], placements)
     file = tmp_path / "balls.obj"
     text, count = [], 0

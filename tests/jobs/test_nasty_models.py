@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jobs.importing.model import MeshView, Placement
+from jobs.importing.model import MeshView, Part
 from jobs.parameters import BuildParameters
 from storage.meshes.placement import IDENTITY
 from storage.model.tree import leaves
@@ -39,8 +39,8 @@ def test_things_smaller_than_a_grid_step_are_drawn(tmp_path: Path, times: int) -
     speck = MeshView.of(np.array([[0, 0, 0], [1e-11, 0, 0], [0, 1e-11, 0], [0, 0, 1e-11]]), large.triangles)
     wire = MeshView.of(np.array([[0, 0, 0], [0.3, 0, 0], [0.1, 1e-11, 0]]), np.array([[0, 1, 2]]))
     spots = [np.hstack([np.eye(3), [[0.9], [0.9], [0.2 * number]]]) for number in range(2 * times)]
-    placements = [Placement(0, "large", IDENTITY)]
-    placements += [Placement(1 + number % 2, "small", spot) for number, spot in enumerate(spots)]
+    placements = [Part(0, "large", IDENTITY)]
+    placements += [Part(1 + number % 2, "small", spot) for number, spot in enumerate(spots)]
     model = NastyModel([large, speck, wire], placements, BuildParameters())
     built = built_of(model, tmp_path)
     assert faults(model, built, 0) == []
@@ -51,5 +51,5 @@ def test_things_smaller_than_a_grid_step_are_drawn(tmp_path: Path, times: int) -
 
 def test_a_model_of_one_wire_is_drawn(tmp_path: Path) -> None:
     wire = MeshView.of(np.array([[0, 0, 0], [1, 2, 3.0], [0.5, 1, 1.5 + 1e-13]]), np.array([[0, 1, 2]]))
-    model = NastyModel([wire], [Placement(0, "wire", IDENTITY)], BuildParameters())
+    model = NastyModel([wire], [Part(0, "wire", IDENTITY)], BuildParameters())
     assert faults(model, built_of(model, tmp_path), 0) == []

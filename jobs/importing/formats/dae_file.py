@@ -11,19 +11,24 @@ whole geometry for one index out of range, and copy instances.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from html import unescape
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
+from jobs.importing.formats.format import Format
 from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, tint, to_colours
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import unify
+from jobs.importing.reading.corners import fan, unify
+from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.needs import TEXT, image_needs
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, compose, fan
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, compose
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -38,6 +43,9 @@ _NOT_TRIANGLES = ("lines", "linestrips", "points")
 _SHADERS = ("lambert", "phong", "blinn", "constant")
 
 
+_IMAGE = re.compile(rb"<init_from>\s*(?:<ref>)?\s*([^<]+?)\s*<")
+
+
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a COLLADA file. Raises ModelError, or what the XML parser raises on damaged content."""
     data = whole(content)
@@ -47,6 +55,19 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     meshes, nodes = document.placements()
     unit, up = document.frame()
     return SourceScene(file, meshes, nodes, unit, up, "y", document.tally)
+
+
+def _sniff(content: Content) -> bool:
+    head = content.part(0, 4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    return head.startswith(b"<") and b"<COLLADA" in head
+
+
+def _named_files(_file: Path, content: Content, _resources: Resources) -> Iterable[str]:
+    return [unescape(name.decode("utf-8", "replace")) for name in _IMAGE.findall(whole(content))]
+
+
+def _memory(file: Path, content: Content, resources: Resources) -> int:
+    return TEXT * content.size + image_needs(_named_files(file, content, resources), resources)
 
 
 def _parse(file: Path, content: bytes) -> Element:
@@ -449,3 +470,6 @@ def _opacity(shader: Element) -> float:
         share = float(colour[0] * 0.212671 + colour[1] * 0.715160 + colour[2] * 0.072169)
     opacity = 1 - share * amount if mode.endswith("ZERO") else share * amount
     return opacity if 0 < opacity <= 1 else 1.0
+
+
+FORMAT = Format((".dae",), read, _sniff, _named_files, _memory)

@@ -15,17 +15,20 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jobs.importing.formats.format import Format
 from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
-from jobs.importing.reading.content import Content, ContentPart
+from jobs.importing.reading.content import Content, ContentPart, whole
+from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.needs import TEXEL, TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, texels_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, compose
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes, compose
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -44,10 +47,13 @@ _ZEROS = 1 << 24
 #: Textures are kept for the next mesh up to this many bytes of pixels.
 TEXTURES_KEPT = 1 << 26
 
+#: Bytes of memory for each byte of a file's JSON: it is held as objects, and its nodes become placements.
+JSON = 10
+
 
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a glTF file. Raises ModelError, or whatever damaged content makes the parsers raise."""
-    header, chunk = unpack(file, content)
+    header, chunk = _unpacked(file, content)
     version = str(header.get("asset", {}).get("version", "2.0"))
     if not version.startswith("2"):
         raise ModelError(f"{file}: glTF version {version[:20]}; only version 2 is read, convert the file")
@@ -62,10 +68,57 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     return SourceScene(file, meshes, _nodes(header, index, tally), 1.0, "y", "y", tally)
 
 
-def unpack(file: Path, content: Content) -> tuple[Json, Content | None]:
+def _is_glb(content: Content) -> bool:
+    return content.part(0, 4) == b"glTF"
+
+
+def _is_gltf(content: Content) -> bool:
+    head = content.part(0, 4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    return head.startswith(b"{") and b'"asset"' in whole(content)
+
+
+def _named_files(file: Path, content: Content, _resources: Resources) -> Iterable[str]:
+    header, _ = _unpacked(file, content)
+    return [*_references(header, "buffers"), *_references(header, "images")]
+
+
+def _references(header: Json, section: str) -> list[str]:
+    """The files that the entries of a section name."""
+    uris = [str(entry["uri"]) for entry in header.get(section, ()) if "uri" in entry]
+    return [uri for uri in uris if not uri.startswith("data:")]
+
+
+def _memory(file: Path, content: Content, resources: Resources) -> int:
+    """The JSON header, the largest mesh, and the images."""
+    header, chunk = _unpacked(file, content)
+    accessors = header.get("accessors", [])
+    inline = sum(
+        len(buffer["uri"]) for buffer in header.get("buffers", ()) if buffer.get("uri", "").startswith("data:")
+    )
+    textured = bool(header.get("textures"))
+    largest = texels = 0
+    for mesh in header.get("meshes", ()):
+        need = 0
+        for primitive in mesh["primitives"]:
+            vertices = int(accessors[primitive["attributes"]["POSITION"]]["count"])
+            corners = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
+            triangles = corners // 3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else corners
+            need += (VERTEX + TEXTURED_VERTEX * textured) * vertices + TRIANGLE * triangles
+        largest = max(largest, need)
+    if chunk is not None:
+        for image in header.get("images", ()):
+            if "bufferView" in image:
+                view = header["bufferViews"][image["bufferView"]]
+                texels = max(texels, texels_of(ContentPart(chunk, view.get("byteOffset", 0), view["byteLength"])))
+    text = content.size - (chunk.size if chunk is not None else 0)
+    held = TEXEL * texels + TEXTURES_KEPT * textured + image_needs(_references(header, "images"), resources)
+    return JSON * (text - inline) + 4 * inline + largest + held
+
+
+def _unpacked(file: Path, content: Content) -> tuple[Json, Content | None]:
     """The JSON header and, in a .glb file, the binary chunk."""
     if file.suffix.lower() == ".gltf":
-        header = json.loads(content.part(0, content.size))
+        header = json.loads(whole(content))
         chunk: Content | None = None
     else:
         if content.part(0, 4) != b"glTF":
@@ -421,3 +474,7 @@ def _matrix(node: Json) -> np.ndarray:
     scale = np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
     shift = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
     return np.column_stack([rotation * scale, shift])
+
+
+GLB = Format((".glb",), read, _is_glb, _named_files, _memory)
+GLTF = Format((".gltf",), read, _is_gltf, _named_files, _memory)

@@ -12,25 +12,37 @@ any vertex; parts are made of them one by one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from jobs.importing.formats.obj_materials import Material, read_materials
+from jobs.importing.formats.format import Format
+from jobs.importing.formats.obj_materials import Material, named_textures, read_materials
 from jobs.importing.reading.colours import DEFAULT_COLOUR, to_colours
 from jobs.importing.reading.content import Content
-from jobs.importing.reading.corners import unify
+from jobs.importing.reading.corners import fan, unify
+from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.needs import image_needs
 from jobs.importing.reading.numbers import integers_of, rows_of, table_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, Tally, UnreadMeshes, fan
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes
 from storage.meshes.placement import IDENTITY
 
 _CHUNK = 1 << 23
 
 #: Far more vertices than a file can hold: indices are clipped to it, which leaves them out of range.
 _MOST = (1 << 31) - 1
+
+#: Bytes of memory for each number, and each corner of a face, that a file holds; for each corner of its largest part;
+#: the same if it is textured; and for the lines that are parsed at once.
+HELD, CORNER, TEXTURED_CORNER, LINES = 52, 180, 330, 70 << 20
+
+_LIBRARY = re.compile(rb"^[^\S\n]*mtllib[^\S\n]+([^\n]*)", re.MULTILINE)
+_GROUP = re.compile(rb"^[ \t]*[go][ \t]+([^\r\n]*)", re.MULTILINE)
 
 
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
@@ -50,6 +62,46 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     )
     nodes = [SourceNode(i, name, IDENTITY) for i, name in enumerate(parts.names)]
     return SourceScene(file, meshes, nodes, usual_up="y", tally=tally)
+
+
+def _named_files(_file: Path, content: Content, resources: Resources) -> Iterator[str]:
+    """Material libraries, and the textures that they name."""
+    for chunk in _chunks(content):
+        for library in _libraries(chunk):
+            yield from _library_files(library, resources)
+
+
+def _memory(_file: Path, content: Content, resources: Resources) -> int:
+    """All numbers, the part with most corners, and the textures."""
+    corners: Counter[bytes] = Counter()
+    rows, textured = 0, False
+    name = b""
+    files: list[str] = []
+    for text in _chunks(content):
+        groups = list(_GROUP.finditer(text))
+        starts = [0, *(group.end() for group in groups)]
+        ends = [*(group.start() for group in groups), len(text)]
+        names = [name, *(group[1] for group in groups)]
+        for part, first, last in zip(names, starts, ends, strict=True):
+            positions, places, normals = (text.count(key, first, last) for key in (b"v ", b"vt ", b"vn "))
+            blanks = text.count(b" ", first, last) + text.count(b"\t", first, last)
+            corners[part] += max(blanks - 3 * positions - 2 * places - 3 * normals, 0)
+            rows += positions + places + normals
+            textured = textured or places > 0
+        name = names[-1]
+        for library in _libraries(text):
+            files.extend(_library_files(library, resources))
+    each = TEXTURED_CORNER if textured else CORNER
+    numbers = HELD * (corners.total() + rows) + each * max(corners.values(), default=0)
+    return LINES + numbers + image_needs(files, resources)
+
+
+def _libraries(chunk: bytes) -> list[str]:
+    return [_text(name) for name in _LIBRARY.findall(chunk)] if b"mtllib" in chunk else []
+
+
+def _library_files(library: str, resources: Resources) -> Iterable[str]:
+    return [library, *named_textures(resources.read(library) or b"")]
 
 
 def _chunks(content: Content) -> Iterator[bytes]:
@@ -369,3 +421,6 @@ def _mesh(
     positions = np.zeros((len(kept), 3))
     positions[position >= 0] = vertices.positions[position[position >= 0]]
     return SourceMesh(part.name, positions, triangles, normals, colours, {d: n for d, n in defects.items() if n})
+
+
+FORMAT = Format((".obj",), read, named_files=_named_files, memory=_memory)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from jobs.importing.reading.colours import Texture, tint, to_colours
+from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, Tally
+
+_TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,14 @@ class Material:
         if self.mask is not None and (self.texture is None or (self.texture.pixels[..., 3] == 255).all()):
             brightness = self.mask.sample(places, triangles)[where, :3].astype(np.float64).mean(axis=1)
             colours[where, 3] = np.rint(colours[where, 3] * brightness / 255).astype(np.uint8)
+
+
+def named_textures(library: bytes) -> Iterator[str]:
+    """The textures that a material library names, of any kind: whole statements, and their last words."""
+    for match in _TEXTURE.finditer(library):
+        text = match[1].decode("utf-8", "replace")
+        yield text
+        yield text.split()[-1]
 
 
 def read_materials(

@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from jobs.importing.formats.format import Format
 from jobs.importing.reading.colours import to_colours
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import split_by_face
+from jobs.importing.reading.corners import fan, split_by_face
+from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.numbers import floats_of, rows_of, table_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -63,6 +65,10 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:  # 
     return SourceScene(file, [mesh] if len(mesh.triangles) else [], [SourceNode(0, mesh.name, IDENTITY)])
 
 
+def _sniff(content: Content) -> bool:
+    return content.part(0, 5).startswith((b"OFF\n", b"OFF\r", b"COFF\n", b"COFF\r"))
+
+
 def _faces(file: Path, lines: list[bytes]) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Corners of each face (f,), all corners' indices (c,), and the faces' colours (f, 4) uint8 if all have one."""
     if not lines:
@@ -97,3 +103,6 @@ def _indices(values: np.ndarray) -> np.ndarray:
 def _colours(values: np.ndarray) -> np.ndarray:
     """Colours (n, 4) uint8 of numbers from 0 to 255, or from 0 to 1 if none is larger."""
     return to_colours(values / 255 if np.nanmax(values, initial=0) > 1 else values)
+
+
+FORMAT = Format((".off",), read, _sniff)

@@ -7,17 +7,22 @@ read a binary file whose faces differ in their number of corners, and allocates 
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from jobs.importing.formats.format import Format
 from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, to_colours
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import split_by_face, unify
+from jobs.importing.reading.corners import fan, split_by_face, unify
+from jobs.importing.reading.defects import Defect
+from jobs.importing.reading.needs import TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, text_needs
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.scene import Defect, SourceMesh, SourceNode, SourceScene, fan
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -42,6 +47,14 @@ _TYPES = {
 
 _CORNERS = ("vertex_indices", "vertex_index")
 _PLACES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+
+#: Bytes of memory for each face of a file whose faces differ in their number of corners, and each of their properties.
+MIXED = 260
+
+#: A header is looked for in this many bytes from the file's start.
+_HEAD = 1 << 22
+
+_TEXTURE = re.compile(rb"^comment\s+TextureFile\s+(.+?)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -72,7 +85,7 @@ _Columns = dict[str, np.ndarray | _List]
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a PLY file. Raises ModelError if it is cut short or its header cannot be understood."""
     data = whole(content)
-    order, elements, texture, start = read_header(file, data)
+    order, elements, texture, start = _header(file, data)
     found = _text(file, data[start:], elements) if order is None else _binary(file, data, start, order, elements)
     mesh = _mesh(file, found, elements, texture, resources)
     if mesh is None:
@@ -80,7 +93,32 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     return SourceScene(file, [mesh], [SourceNode(0, mesh.name, IDENTITY)])
 
 
-def read_header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
+def _sniff(content: Content) -> bool:
+    return content.part(0, 4) in (b"ply\n", b"ply\r")
+
+
+def _named_files(_file: Path, content: Content, _resources: Resources) -> Iterable[str]:
+    header = content.part(0, _HEAD).partition(b"end_header")[0]
+    return [name.decode("utf-8", "replace") for name in _TEXTURE.findall(header)]
+
+
+def _memory(file: Path, content: Content, resources: Resources) -> int:
+    """The one mesh that the file is."""
+    images = image_needs(_named_files(file, content, resources), resources)
+    order, elements, texture, start = _header(file, content.part(0, _HEAD))
+    if order is None:
+        return images + text_needs(file, content, resources)
+    vertex, face = (next(element for element in elements if element.name == name) for name in ("vertex", "face"))
+    fixed = [sum(np.dtype(p.count or p.kind).itemsize for p in element.properties) for element in (vertex, face)]
+    lists = content.size - start - fixed[0] * vertex.rows - fixed[1] * face.rows
+    index = min(np.dtype(p.kind).itemsize for p in face.properties if p.count is not None)
+    triangles = max(lists // index - 2 * face.rows, 0)
+    mixed = MIXED * len(face.properties) * face.rows if face.rows and lists % (index * face.rows) else 0
+    each = VERTEX if texture is None else VERTEX + TEXTURED_VERTEX
+    return images + content.size + each * vertex.rows + TRIANGLE * triangles + mixed
+
+
+def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str | None, int]:
     """Byte order (None: text), elements, texture file and where the data starts."""
     if not content.startswith(b"ply"):
         raise ModelError(f"{file}: not a PLY file, it does not start with ply; check its extension or export it again")
@@ -335,3 +373,6 @@ def _paint(mesh: SourceMesh, image: Texture, places: np.ndarray) -> None:
     mesh.triangles = np.where(valid, vertex, -1).reshape(-1, 3)
     own = mesh.triangles[(mesh.triangles >= 0).all(axis=1)]
     mesh.colours = image.sample(np.stack([places[kept, 0], 1 - places[kept, 1]], axis=1), own)
+
+
+FORMAT = Format((".ply",), read, _sniff, _named_files, _memory)

@@ -5,8 +5,8 @@
     colours.npy       uint8 (n, 4)    red, green, blue, alpha; sRGB
     triangles.npy     uint32 (m, 3)   vertex indices, counted from the mesh's first vertex
     source_faces.npy  uint32 (m,)     face number within the mesh as it was loaded, before any repair
-    meshes.npy        MESH            where each mesh lies in the arrays above
-    parts.npy         PART            placements of meshes in model space
+    meshes.npy        IMPORTED_MESH   where each mesh lies in the arrays above
+    parts.npy         IMPORTED_PART   placements of meshes in model space
     model.json        names, frame, box, digest, report of repairs
 
 Model space is the frame of the (first) input file minus `origin`. A mesh that is placed once is *baked*: its positions
@@ -31,7 +31,7 @@ from storage.base.errors import ModelError
 from storage.base.temporary import temporary_path
 from storage.meshes.placement import IDENTITY, normal_matrix, transform_points
 
-MESH = np.dtype(
+IMPORTED_MESH = np.dtype(
     [
         ("vertex_start", "<u8"),
         ("vertices", "<u8"),
@@ -40,9 +40,9 @@ MESH = np.dtype(
     ]
 )
 
-PART = np.dtype(
+IMPORTED_PART = np.dtype(
     [
-        ("mesh", "<u4"),  # index into MESH
+        ("mesh", "<u4"),  # index into IMPORTED_MESH
         ("name", "<u4"),  # index into model.json's names
         ("matrix", "<f8", (3, 4)),  # local to model space
         ("identity", "?"),  # the mesh lies in model space already
@@ -62,8 +62,7 @@ COLUMNS = {
 PER_VERTEX = ("positions", "normals", "colours")
 
 #: Format number of the directory.
-FORMAT = 1
-
+DIRECTORY_FORMAT = 1
 
 #: Positions that are transformed at once.
 _BATCH = 1 << 17
@@ -105,7 +104,7 @@ class MeshView:
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class Part:
     """A named mesh placed in the frame of the input file."""
 
     mesh: int  # index into the list of meshes
@@ -116,15 +115,15 @@ class Placement:
 def write_model(
     out: Path,
     meshes: Sequence[MeshView],
-    placements: Sequence[Placement] | None = None,
+    parts: Sequence[Part] | None = None,
     *,
     up: str = "z",
     unit_in_metres: float = 1.0,
     report: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write meshes and their placements as an imported model at `out`.
+    """Write meshes and the parts that place them as an imported model at `out`.
 
-    Chooses the origin, bakes meshes that are placed once, drops those that are never placed. Without `placements` every
+    Chooses the origin, bakes meshes that are placed once, drops those that are never placed. Without `parts` every
     mesh is placed once as it is. The meshes must be free of defects: finite positions, indices within range, one
     triangle or more each. They are asked for one by one, two or three times each, and none is kept. `report` is kept as
     it is: {defect: {"total": n, "parts": {name: n}}}.
@@ -133,23 +132,23 @@ def write_model(
     renamed when complete and removed if anything fails. Raises ModelError if there is nothing to write or something is
     at `out` already, and OSError as the file system raises it (no space, no permission).
     """
-    if placements is None:
-        placements = [Placement(i, f"mesh {i}", IDENTITY) for i in range(len(meshes))]
-    if not placements:
+    if parts is None:
+        parts = [Part(i, f"mesh {i}", IDENTITY) for i in range(len(meshes))]
+    if not parts:
         raise ModelError(f"{out}: a model needs at least one triangle")
-    placements = [Placement(p.mesh, p.name, np.asarray(p.matrix, np.float64)) for p in placements]
-    found = _survey(meshes, placements)
+    parts = [Part(p.mesh, p.name, np.asarray(p.matrix, np.float64)) for p in parts]
+    found = _survey(meshes, parts)
     origin = _origin(found.lo, found.hi)
-    placements = [_shifted(p, -origin) for p in placements]
+    parts = [_shifted(p, -origin) for p in parts]
     if origin.any():
-        found = _survey(meshes, placements)
+        found = _survey(meshes, parts)
     row_of = {mesh: row for row, mesh in enumerate(found.used)}
 
-    names = list(dict.fromkeys(p.name for p in placements))
+    names = list(dict.fromkeys(p.name for p in parts))
     name_index = {name: i for i, name in enumerate(names)}
-    parts = np.zeros(len(placements), PART)
+    rows = np.zeros(len(parts), IMPORTED_PART)
     baking: dict[int, np.ndarray] = {}
-    for row, p in zip(parts, placements, strict=True):
+    for row, p in zip(rows, parts, strict=True):
         mesh = row_of[p.mesh]
         row["mesh"], row["name"] = mesh, name_index[p.name]
         if found.placed[mesh] == 1:
@@ -168,7 +167,7 @@ def write_model(
     try:
         digests = _write_arrays(temporary, meshes, found, baking)
         digests["meshes"] = _write_whole(temporary / "meshes.npy", found.table)
-        digests["parts"] = _write_whole(temporary / "parts.npy", parts)
+        digests["parts"] = _write_whole(temporary / "parts.npy", rows)
         header = {
             "origin": origin.tolist(),
             "up": up,
@@ -179,8 +178,8 @@ def write_model(
         }
         content = json.dumps({"arrays": digests, **header}, sort_keys=True, ensure_ascii=True)
         header["digest"] = hashlib.sha256(content.encode()).hexdigest()
-        header["format"] = FORMAT
-        header["triangles"] = int(found.table["triangles"][parts["mesh"]].sum())
+        header["format"] = DIRECTORY_FORMAT
+        header["triangles"] = int(found.table["triangles"][rows["mesh"]].sum())
         header["report"] = dict(report or {})
         (temporary / "model.json").write_text(json.dumps(header, indent=1, ensure_ascii=True), "ascii")
         temporary.rename(out)
@@ -214,29 +213,29 @@ def turned(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
     return (turned / np.where(length > 0, length, 1.0)[:, None]).astype(np.float32)
 
 
-def _shifted(placement: Placement, shift: np.ndarray) -> Placement:
-    matrix = placement.matrix.copy()
+def _shifted(part: Part, shift: np.ndarray) -> Part:
+    matrix = part.matrix.copy()
     matrix[:, 3] += shift
-    return Placement(placement.mesh, placement.name, matrix)
+    return Part(part.mesh, part.name, matrix)
 
 
 class _Survey(NamedTuple):
     """What is known of all meshes that are placed, after each was looked at once."""
 
     used: list[int]  # which are placed, increasing: the rows of what follows
-    table: np.ndarray  # MESH (k,)
+    table: np.ndarray  # IMPORTED_MESH (k,)
     placed: np.ndarray  # (k,) int64 times that each is placed
     centres: np.ndarray  # (k, 3) float64 what is taken off the local coordinates of those placed several times
     lo: np.ndarray  # (3,) float64 box of all placed vertices, exactly as they are placed
     hi: np.ndarray  # (3,) float64
 
 
-def _survey(meshes: Sequence[MeshView], placements: Sequence[Placement]) -> _Survey:
+def _survey(meshes: Sequence[MeshView], parts: Sequence[Part]) -> _Survey:
     users: dict[int, list[np.ndarray]] = {}
-    for p in placements:
+    for p in parts:
         users.setdefault(p.mesh, []).append(p.matrix)
     used = sorted(users)
-    table = np.zeros(len(used), MESH)
+    table = np.zeros(len(used), IMPORTED_MESH)
     centres = np.zeros((len(used), 3))
     lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh, matrices in users.items():

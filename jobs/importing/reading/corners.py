@@ -1,11 +1,24 @@
-"""Vertices for formats that give corners of faces properties of their own."""
+"""Corners of faces: polygons become triangles, and corners with properties of their own become vertices."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from jobs.importing.reading.repair import first_equal
-from jobs.importing.reading.scene import SourceMesh
+from jobs.importing.reading.equal_rows import first_equal
+from jobs.importing.reading.source_scene import SourceMesh
+
+
+def fan(counts: np.ndarray) -> np.ndarray:
+    """Corner numbers (m, 3) of the triangles that fan polygons out; polygons of `counts` corners lie one after another.
+
+    Polygons with fewer than three corners give no triangle.
+    """
+    counts = np.asarray(counts, np.int64)
+    starts = np.cumsum(counts) - counts
+    triangles = np.maximum(counts - 2, 0)
+    first = np.repeat(starts, triangles)
+    number = np.arange(len(first), dtype=np.int64) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    return np.stack([first, first + number + 1, first + number + 2], axis=1)
 
 
 def unify(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from jobs.detail.detail_options import DetailOptions
 from jobs.detail.leaf import SHARED_LEVELS, Member, gather, make_leaf
 from jobs.detail.node import Level, Node, Offer
 from jobs.detail.pieces import make_pieces
-from jobs.importing.keeping.saved import MeshView, Placement, write_model
+from jobs.importing.keeping.saved import MeshView, Part, write_model
 from jobs.importing.model import Model, open_model
 from jobs.objects.object_options import Limits
 from jobs.objects.weld import twins
@@ -87,7 +87,7 @@ def joined(shapes: list[Shape]) -> Shape:
     )
 
 
-def model_of(folder: Path, *shapes: Shape, placements: list[Placement] | None = None, **extra: np.ndarray) -> Model:
+def model_of(folder: Path, *shapes: Shape, placements: list[Part] | None = None, **extra: np.ndarray) -> Model:
     """A model of one mesh per shape, each placed as it is unless `placements` says otherwise."""
     write_model(folder / "model", [MeshView.of(p, t, **extra) for p, t in shapes], placements)
     return open_model(folder / "model")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.detail.assemble import float32_down, float32_up, largest_stretch
-from jobs.importing.model import MeshView, Placement, write_model
+from jobs.importing.model import MeshView, Part, write_model
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves
@@ -76,9 +76,9 @@ def placed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("placed")
     points, faces = sphere()
     ball = MeshView.of(points, faces)
-    placements = [Placement(0, name, matrix) for name, matrix in MATRICES.items()]
+    placements = [Part(0, name, matrix) for name, matrix in MATRICES.items()]
     alone = MeshView.of(points * 2 + [0, 0, 20], faces)
-    placements.append(Placement(1, "alone", np.eye(3, 4)))
+    placements.append(Part(1, "alone", np.eye(3, 4)))
     write_model(folder / "model", [ball, alone], placements)
     return build_levels(folder / "model", folder).geometry
 

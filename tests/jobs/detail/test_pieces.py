@@ -17,7 +17,7 @@ from jobs.detail.collapsing.face_normals import arc_cosine, face_normals
 from jobs.detail.detail_options import DetailOptions
 from jobs.detail.node import Level
 from jobs.detail.pieces import make_pieces, plan_chunks
-from jobs.importing.model import Placement
+from jobs.importing.model import Part
 from jobs.objects.components import outward_closed
 from jobs.objects.object_options import Limits
 from jobs.objects.weld import twins, weld
@@ -196,13 +196,13 @@ def test_instanced_meshes_have_a_grid_that_is_fine_under_every_placement(tmp_pat
         tmp_path,
         sphere(6),
         box(),
-        placements=[Placement(0, "a", turn), Placement(0, "b", stretch), Placement(1, "c", turn)],
+        placements=[Part(0, "a", turn), Part(0, "b", stretch), Part(1, "c", turn)],
     )
     scales = {piece.mesh: piece.scale for piece in leaves_of(model)}
     assert scales[1] == model.grid.step  # placed once, so baked
     assert model.grid.step / 16 < scales[0] <= model.grid.step / 6
     assert np.log2(scales[0]) == np.round(np.log2(scales[0]))
-    rotated = model_of(tmp_path / "r", sphere(6), placements=[Placement(0, "a", turn), Placement(0, "b", np.eye(3, 4))])
+    rotated = model_of(tmp_path / "r", sphere(6), placements=[Part(0, "a", turn), Part(0, "b", np.eye(3, 4))])
     assert leaves_of(rotated)[0].scale == rotated.grid.step
 
 

@@ -13,9 +13,9 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jobs.importing.formats.known import kinds
 from jobs.importing.join import metres_per_unit
 from jobs.importing.model import ImportOptions, import_model, open_model
-from jobs.importing.read import KINDS
 from storage.base.errors import ModelError, ParameterError
 from tests.jobs.importing.shapes import Glb, box, canonical, corners_of, imported, terrain, total
 
@@ -122,7 +122,7 @@ def test_missing_files_and_folders_without_models(tmp_path):
     (tmp_path / "folder" / "readme.txt").write_text("no model")
     with pytest.raises(ModelError, match="holds no model") as caught:
         imported(tmp_path / "folder", tmp_path / "out")
-    assert KINDS in str(caught.value)
+    assert kinds() in str(caught.value)
     with pytest.raises(ModelError, match="no input"):
         imported([], tmp_path / "out")
     os.mkfifo(tmp_path / "pipe.glb")

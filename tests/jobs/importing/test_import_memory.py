@@ -21,7 +21,7 @@ SIDE = 301
 IMPORT = """
 import sys, tempfile
 from pathlib import Path
-import numpy, trimesh.exchange.stl
+import numpy
 from jobs.importing.model import import_model
 from jobs.running.memory import peak_memory, reset_peak
 reset_peak()

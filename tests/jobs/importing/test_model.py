@@ -9,7 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
-from jobs.importing.model import MeshView, Placement, open_model, write_model
+from jobs.importing.model import MeshView, Part, open_model, write_model
 from storage.base.errors import ModelError
 from tests.jobs.importing.shapes import box, canonical, corners_of
 
@@ -17,7 +17,7 @@ IDENTITY = np.eye(3, 4)
 
 
 def placement(mesh, name="part", matrix=IDENTITY, at=(0, 0, 0)):
-    return Placement(mesh, name, np.column_stack([matrix[:, :3], np.asarray(matrix[:, 3]) + at]))
+    return Part(mesh, name, np.column_stack([matrix[:, :3], np.asarray(matrix[:, 3]) + at]))
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -49,7 +49,7 @@ def test_a_mesh_placed_once_is_baked_exactly(tmp_path):
     positions, triangles = box()
     matrix = np.array([[0, -2.0, 0, 10], [2.0, 0, 0, 20], [0, 0, 2.0, 30]])
     mesh = MeshView.of(positions, triangles, normals=np.tile(np.float32([1, 0, 0]), (8, 1)))
-    write_model(tmp_path / "m", [mesh], [Placement(0, "a", matrix)])
+    write_model(tmp_path / "m", [mesh], [Part(0, "a", matrix)])
     model = open_model(tmp_path / "m")
     assert model.parts["identity"].all()
     assert np.array_equal(model.mesh(0).positions + model.origin, positions @ matrix[:, :3].T + matrix[:, 3])
@@ -60,7 +60,7 @@ def test_a_mirrored_baked_mesh_keeps_its_fronts(tmp_path):
     positions, triangles = box()
     mirror = np.diag([-1.0, 1, 1])
     mesh = MeshView.of(positions, triangles, normals=np.tile(np.float32([1, 0, 0]), (8, 1)))
-    write_model(tmp_path / "m", [mesh], [Placement(0, "a", np.column_stack([mirror, np.zeros(3)]))])
+    write_model(tmp_path / "m", [mesh], [Part(0, "a", np.column_stack([mirror, np.zeros(3)]))])
     found = open_model(tmp_path / "m").mesh(0)
 
     def volume(p, t):

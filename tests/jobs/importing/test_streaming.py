@@ -10,7 +10,7 @@ import pytest
 from jobs.importing.join import join_scenes
 from jobs.importing.keeping.saved import MeshView
 from jobs.importing.keeping.spool import Spool
-from jobs.importing.model import Placement, import_model, open_model, write_model
+from jobs.importing.model import Part, import_model, open_model, write_model
 from jobs.importing.read import find_files, read_scene
 from jobs.importing.reading.content import ContentPart, FileContent, HeldContent
 from tests.jobs.importing.shapes import Glb, box, imported, terrain
@@ -82,7 +82,7 @@ def test_the_same_bytes_as_with_all_meshes_held(tmp_path, faraway):
     scenes = [read_scene(file, root) for file, root in files]
     joined = join_scenes([file for file, _ in files], scenes, None, None, meshes.append)
     write_model(
-        tmp_path / "held", meshes, joined.placements, up=joined.up, unit_in_metres=joined.unit_in_metres,
+        tmp_path / "held", meshes, joined.parts, up=joined.up, unit_in_metres=joined.unit_in_metres,
         report=joined.report,
     )  # fmt: skip
     names = sorted(path.name for path in (tmp_path / "held").iterdir())
@@ -153,7 +153,7 @@ def test_meshes_come_back_from_a_spool_in_any_order(tmp_path):
 
 def test_meshes_that_are_placed_nowhere_take_no_row(tmp_path):
     meshes = [MeshView.of(*terrain(n)) for n in (3, 9, 4)]
-    parts = [Placement(2, "c", np.eye(3, 4)), Placement(0, "a", np.eye(3, 4)), Placement(2, "c", np.eye(3, 4) * 2)]
+    parts = [Part(2, "c", np.eye(3, 4)), Part(0, "a", np.eye(3, 4)), Part(2, "c", np.eye(3, 4) * 2)]
     write_model(tmp_path / "m", meshes, parts)
     model = open_model(tmp_path / "m")
     assert model.meshes["triangles"].tolist() == [8, 18]

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jobs.objects.components import components, outward_closed
-from jobs.objects.find import Pieces, find_pieces
+from jobs.objects.find import GridPieces, find_pieces
 from jobs.objects.object_options import Limits
 from jobs.objects.partition import divide, too_much
 from jobs.objects.weld import NON_MANIFOLD, OPEN, degenerate_triangles, is_degenerate, twins, weld
@@ -90,7 +90,7 @@ def test_outward_closed() -> None:
     assert not closed(both[first].astype(np.int32), ids[triangles])
 
 
-def pieces(points: np.ndarray, mesh: np.ndarray, triangles: np.ndarray, most: int, size: float = 1e9) -> Pieces:
+def pieces(points: np.ndarray, mesh: np.ndarray, triangles: np.ndarray, most: int, size: float = 1e9) -> GridPieces:
     meshes = int(mesh.max()) + 1
     limits = Limits(triangles=most, most=most, ratio=1e9)
     return find_pieces(points, mesh, triangles, meshes, limits, np.full(meshes, size))

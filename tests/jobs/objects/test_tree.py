@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jobs.objects.fragments import plan_fragments
-from jobs.objects.hierarchy import MERGED_TRIANGLES, PLACED, build_hierarchy
+from jobs.objects.hierarchy import MERGED_TRIANGLES, PLACED_PIECE, build_hierarchy
 from jobs.objects.object_options import Clustering, ObjectOptions
 from jobs.objects.tree import OBJECT_WEIGHT, build_tree
 
@@ -68,7 +68,7 @@ def test_fragments_cover_the_tree(seed: int, count: int, most: int) -> None:
 
 
 def test_small_instanced_pieces_are_merged_and_large_ones_shared() -> None:
-    placed = np.zeros(40, PLACED)
+    placed = np.zeros(40, PLACED_PIECE)
     placed["piece"] = np.repeat([0, 1], 20)
     placed["part"] = np.arange(40)
     placed["triangles"] = np.repeat([MERGED_TRIANGLES, MERGED_TRIANGLES + 1], 20)
@@ -86,7 +86,7 @@ def test_small_instanced_pieces_are_merged_and_large_ones_shared() -> None:
 
 
 def test_clusters_that_became_too_much_are_divided() -> None:
-    placed = np.zeros(100, PLACED)
+    placed = np.zeros(100, PLACED_PIECE)
     placed["triangles"] = 500
     placed["lo"] = np.arange(100)[:, None] * [0.1, 0, 0]
     placed["hi"] = placed["lo"] + 0.1

@@ -7,63 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
-
-class Defect(StrEnum):
-    """What can be wrong with a model and is repaired, removed or left out; the value is what a report calls it."""
-
-    INDEX = "faces with an index out of range"
-    NOT_FINITE = "faces with a position that is not finite"
-    NO_AREA = "faces without area"
-    DUPLICATE = "duplicate faces"
-    REVERSED = "duplicate faces of opposite winding"
-    EMPTY = "empty meshes"
-    SINGULAR = "parts flattened by their transform"
-    MISPLACED = "parts with a transform that is not finite"
-    NO_TEXTURE = "missing textures"
-    NO_LIBRARY = "missing material libraries"
-    NO_MATERIAL = "unknown materials"
-    COLOUR = "colours that are not finite"
-    NORMAL = "normals without direction"
-    NOT_TRIANGLES = "points, lines and other primitives without triangles"
-    POLYGON = "faces with fewer than three corners"
-    BROKEN = "broken elements"
-    UNSUPPORTED = "unsupported features"
-
-
-class Tally:
-    """Counts of defects by part name."""
-
-    def __init__(self) -> None:
-        self._counts: dict[Defect, dict[str, int]] = {}
-
-    def add(self, defect: Defect, part: str, count: int = 1) -> None:
-        """Count a defect. A count of zero leaves no trace."""
-        if count:
-            parts = self._counts.setdefault(defect, {})
-            parts[part] = parts.get(part, 0) + count
-
-    def update(self, other: Tally, prefix: str) -> None:
-        """Add another tally's counts, its part names prefixed."""
-        for defect, parts in other._counts.items():
-            for part, count in parts.items():
-                self.add(defect, prefix + part, count)
-
-    def report(self) -> dict[str, dict[str, Any]]:
-        """{defect: {"total": n, "parts": {name: n}}}, in the order of `Defect`, part names sorted."""
-        return {
-            str(defect): {
-                "total": sum(self._counts[defect].values()),
-                "parts": dict(sorted(self._counts[defect].items())),
-            }
-            for defect in Defect
-            if defect in self._counts
-        }
+from jobs.importing.reading.defects import Defect, Tally
 
 
 @dataclass(eq=False)
@@ -120,19 +69,6 @@ class UnreadMeshes(Sequence[SourceMesh]):
         if isinstance(index, slice):
             return [self.read(at) for at in range(self.size)[index]]
         return self.read(range(self.size)[index])
-
-
-def fan(counts: np.ndarray) -> np.ndarray:
-    """Corner numbers (m, 3) of the triangles that fan polygons out; polygons of `counts` corners lie one after another.
-
-    Polygons with fewer than three corners give no triangle.
-    """
-    counts = np.asarray(counts, np.int64)
-    starts = np.cumsum(counts) - counts
-    triangles = np.maximum(counts - 2, 0)
-    first = np.repeat(starts, triangles)
-    number = np.arange(len(first), dtype=np.int64) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    return np.stack([first, first + number + 1, first + number + 2], axis=1)
 
 
 def compose(a: np.ndarray, b: np.ndarray) -> np.ndarray:

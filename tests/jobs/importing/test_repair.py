@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jobs.importing.reading.repair import first_equal, repair
-from jobs.importing.reading.scene import Defect, SourceMesh
+from jobs.importing.reading.defects import Defect
+from jobs.importing.reading.source_scene import SourceMesh
+from jobs.importing.repair import repair
 from tests.jobs.importing.shapes import box, terrain
 
 
@@ -122,21 +123,3 @@ def test_repair_agrees_with_brute_force(faces, nans):
     assert sum(n for defect, n in counts.items() if defect != Defect.EMPTY) == len(faces) - len(expected)
     if mesh:
         assert np.array_equal(mesh.positions[mesh.triangles], positions[np.array(faces)[expected]])
-
-
-@given(st.lists(st.lists(st.integers(0, 2), min_size=2, max_size=2), max_size=30))
-@settings(deadline=None)
-def test_first_equal_finds_the_first(rows):
-    array = np.array(rows, np.int64).reshape(-1, 2)
-    assert first_equal(array).tolist() == [rows.index(row) for row in rows]
-
-
-def test_first_equal_survives_equal_hashes():
-    def mix(word):
-        word = word * 0x9E3779B97F4A7C15 % 2**64
-        return word ^ word >> 29
-
-    a, b, c = 5, 6, 7
-    d = mix(a) ^ mix(c) ^ b  # the rows (a, b) and (c, d) have the same hash
-    rows = np.array([[a, b], [c, d], [a, b], [c, d], [1, 1]], np.uint64).view(np.int64)
-    assert first_equal(rows).tolist() == [0, 1, 0, 1, 4]

@@ -14,6 +14,7 @@ from jobs.detail.detail_options import DetailOptions
 from jobs.objects.object_options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
 from storage.base.errors import ParameterError
+from storage.cells.codecs import DEFAULT, codec_named
 from storage.cells.octree import MAX_DEPTH, Octree
 from storage.model.cut import pixel_angle
 
@@ -61,6 +62,7 @@ class BuildParameters:
     cluster_cardinality: float = 1500.0  # K: about how many parts one object is made of at most
     cluster_volume: float = 1e-5  # V: largest box of an object of several parts, as a part of the model's
     visibility_engine: str = METHODS[0]  # how what is hidden is found: one of METHODS
+    codec: str = DEFAULT  # the code that vLODs and their changes are written in: a name of storage.cells.codecs
     units: str | None = None  # length unit of the input files; None: what they say
     up: str | None = None  # x, y or z; None: what they say
 
@@ -97,6 +99,8 @@ class BuildParameters:
             raise ParameterError("--seal closes gaps for what hides, --sampled asks rays alone: use one of the two")
         if self.seal is not None and self.visibility_engine != METHODS[0]:
             raise ParameterError(f"--seal works with --visibility-engine {METHODS[0]}, not {self.visibility_engine}")
+        if self.codec != DEFAULT:
+            codec_named(self.codec)
         if self.up not in (None, "x", "y", "z"):
             raise ParameterError(f"up must be x, y or z, not {self.up!r}")
 

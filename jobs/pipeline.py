@@ -28,6 +28,7 @@ from jobs.running.run import Run
 from jobs.running.workplace import Workplace
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
 from jobs.stages.build_state import BuildState, StageFile
+from jobs.stages.written_geometry import geometry_section_of
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
 from storage.base.typed_json import from_json
@@ -83,7 +84,7 @@ def build(
             model=from_json(ModelSection, imported.record["model"], "the model"),
             pixel_angle=angle,
             parameters=parameters.to_json(),
-            geometry=tables.geometry_section_of(place, state.one(tables.STAGE).key),
+            geometry=geometry_section_of(place, tables.STAGE.name, state.one(tables.STAGE).key),
             cells=cells_section(place.store, state.view_space(imported).octree, shards.written_shards(state)),
         )
         version = commit(place.store, manifest)

@@ -16,6 +16,7 @@ from jobs.running.tasks import Assignment, Stage, Task, TaskResult, content_of_a
 from jobs.running.workplace import Workplace
 from jobs.stages import code, import_model, tables
 from jobs.stages.build_state import BuildState, Tasks
+from jobs.stages.written_geometry import open_written
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def tasks(state: BuildState) -> Tasks:
 
     joined = state.one(tables.STAGE)
     parameters = state.parameters.cells(state.view_space(state.one(import_model.STAGE)))
-    geometry = tables.open_written(state.place, joined.key)
+    geometry = open_written(state.place, tables.STAGE.name, joined.key)
     check_budget(geometry, parameters.max_triangles)
 
     def task(root: int, triangles: int) -> Task:
@@ -115,4 +116,4 @@ def compute_cells(work: Assignment) -> dict[str, Any]:
 @functools.lru_cache(maxsize=1)
 def _geometry(place: Workplace, key: str) -> Geometry:
     """The geometry of a store that has no cells yet; a worker keeps it for its next task."""
-    return tables.open_written(place, key)
+    return open_written(place, tables.STAGE.name, key)

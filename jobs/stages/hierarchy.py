@@ -18,7 +18,13 @@ from jobs.stages.build_state import BuildState, Tasks
 from jobs.stages.import_model import imported_model
 from storage.base.typed_json import to_json
 
-STAGE = Stage("hierarchy", "jobs.stages.hierarchy:make_hierarchy", code.DETAIL, ("numpy", "numba"))
+STAGE = Stage(
+    "hierarchy",
+    "jobs.stages.hierarchy:make_hierarchy",
+    code.HIERARCHY,
+    ("numpy", "numba"),
+    apart=code.IMPORTERS,
+)
 
 #: Bytes for each placed piece.
 PER_PIECE = 2000

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STAGE = Stage(
     "import",
     "jobs.stages.import_model:import_files",
-    code.IMPORTING,
+    code.IMPORT,
     ("numpy", "pillow"),
     cure="part the largest mesh, or the file, in the program that wrote it",
 )

@@ -29,7 +29,13 @@ if TYPE_CHECKING:
     from jobs.detail.leaf import Member
     from jobs.detail.node import Node, Offer
 
-STAGE = Stage("nodes", "jobs.stages.nodes:make_nodes", code.NODES, ("numpy", "numba", "zstandard"))
+STAGE = Stage(
+    "nodes",
+    "jobs.stages.nodes:make_nodes",
+    code.NODES,
+    ("numpy", "numba", "zstandard"),
+    apart=(*code.IMPORTERS, *code.CELLS_ALONE),
+)
 
 #: Triangles that a task works on: some ten seconds of work.
 TRIANGLES = 150_000

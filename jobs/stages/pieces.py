@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 STAGE = Stage(
     "pieces",
     "jobs.stages.pieces:find_pieces",
-    code.DETAIL,
+    code.PIECES,
     ("numpy", "numba"),
+    apart=code.IMPORTERS,
     cure="part the largest mesh in the program that wrote it",
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,12 +14,17 @@ from jobs.running.tasks import Assignment, Stage, Task
 from jobs.stages import cells, code, layout
 from jobs.stages.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
-from storage.cells.codecs import DEFAULT
 
 if TYPE_CHECKING:
     from storage.shards.sections import CellShardRecord
 
-STAGE = Stage("shards", "jobs.stages.shards:write_cells", code.SHARDS, ("numpy", "zstandard"))
+STAGE = Stage(
+    "shards",
+    "jobs.stages.shards:write_cells",
+    code.SHARDS,
+    ("numpy", "zstandard"),
+    apart=(*code.GEOMETRY_ALONE, *code.CODECS),
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ def tasks(state: BuildState) -> Tasks:
 
 
 def _shards(state: BuildState) -> Iterator[Task]:
+    codec = state.parameters.codec
+    stage = dataclasses.replace(STAGE, code=(*STAGE.code, *_code_of(codec)))
     laid_out, found = state.one(layout.STAGE), cells.finished_cells(state)
     for number, needs in enumerate(layout.shards_needed(state.place, laid_out.key)):
         payload = Payload(
@@ -53,10 +61,17 @@ def _shards(state: BuildState) -> Iterator[Task]:
             shard=number,
             needs=tuple(needs),
             contents=tuple(found[other].record["content"] for other in needs),
-            codec=DEFAULT,
+            codec=codec,
         )
         places = Places(laid_out.key, tuple(found[other].key for other in needs))
-        yield Task(STAGE, to_json(payload), to_json(places))
+        yield Task(stage, to_json(payload), to_json(places))
+
+
+def _code_of(codec: str) -> tuple[str, ...]:
+    """The modules of a code: a new one beside it throws no finished shard away."""
+    from storage.cells.codecs import codec_named
+
+    return code.with_imports(type(codec_named(codec)).__module__, "storage.cells.codecs")
 
 
 def write_cells(work: Assignment) -> dict[str, Any]:

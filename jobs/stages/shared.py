@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 STAGE = Stage(
     "shared",
     "jobs.stages.shared:make_shared",
-    code.NODES,
+    code.SHARED,
     ("numpy", "numba", "zstandard"),
+    apart=(*code.IMPORTERS, *code.CELLS_ALONE),
     cure="part the largest mesh in the program that wrote it",
 )
 

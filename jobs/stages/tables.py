@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_key
-from jobs.running.workplace import Workplace
 from jobs.stages import code, hierarchy, import_model, nodes, shared
 from jobs.stages.build_state import BuildState, Tasks
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
-from storage.base.typed_json import from_json, to_json
+from jobs.stages.written_geometry import SECTION
+from storage.base.typed_json import to_json
 
-if TYPE_CHECKING:
-    from storage.geometry_reader import Geometry
-    from storage.shards.sections import GeometrySection
-
-STAGE = Stage("tables", "jobs.stages.tables:join_tables", code.DETAIL, ("numpy", "zstandard"))
+STAGE = Stage(
+    "tables",
+    "jobs.stages.tables:join_tables",
+    code.TABLES,
+    ("numpy", "zstandard"),
+    apart=(*code.IMPORTERS, *code.CELLS_ALONE, "storage.geometry_reader"),
+)
 
 #: Bytes for each node. Measured: 1,700.
 PER_NODE = 3000
-
-#: File of a task: the manifest's section on geometry.
-SECTION = "geometry.json"
 
 
 @dataclass(frozen=True)
@@ -102,18 +101,3 @@ def join_tables(work: Assignment) -> dict[str, Any]:
         "content": content_key(content),
         "counts": content["counts"],
     }
-
-
-def geometry_section_of(place: Workplace, key: str) -> GeometrySection:
-    """The manifest's section on geometry, from a tables task."""
-    from storage.shards.sections import GeometrySection
-
-    path = place.result(STAGE.name, key) / SECTION
-    return from_json(GeometrySection, json.loads(path.read_text()), str(path))
-
-
-def open_written(place: Workplace, key: str) -> Geometry:
-    """The geometry of a store that has no cells yet, from a tables task."""
-    from storage.geometry_reader import open_geometry
-
-    return open_geometry(place.store, geometry_section_of(place, key))

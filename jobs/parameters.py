@@ -14,7 +14,7 @@ from jobs.detail.detail_options import DetailOptions
 from jobs.objects.object_options import Clustering, Limits, ObjectOptions
 from jobs.visibility.methods import METHODS
 from storage.base.errors import ParameterError
-from storage.cells.codecs import DEFAULT, codec_named
+from storage.cells.codecs import DEFAULT, codecs
 from storage.cells.octree import MAX_DEPTH, Octree
 from storage.model.cut import pixel_angle
 
@@ -99,8 +99,8 @@ class BuildParameters:
             raise ParameterError("--seal closes gaps for what hides, --sampled asks rays alone: use one of the two")
         if self.seal is not None and self.visibility_engine != METHODS[0]:
             raise ParameterError(f"--seal works with --visibility-engine {METHODS[0]}, not {self.visibility_engine}")
-        if self.codec != DEFAULT:
-            codec_named(self.codec)
+        if self.codec != DEFAULT and self.codec not in (known := sorted(codecs())):
+            raise ParameterError(f"the code of changes must be {' or '.join(known)}, not {self.codec!r}")
         if self.up not in (None, "x", "y", "z"):
             raise ParameterError(f"up must be x, y or z, not {self.up!r}")
 

@@ -10,7 +10,7 @@ import pytest
 from jobs import commands as jobs_commands
 from jobs.importing.formats.gltf_file import TEXTURES_KEPT
 from jobs.running.memory import PROCESS, TASK_MEMORY
-from jobs.stages import cells, hierarchy, import_model, nodes, pieces, shared, tables
+from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
 from storage.base.amounts import format_size, parse_size
 
 MEMORY = (Path(__file__).parents[1] / "docs" / "memory.md").read_text()
@@ -45,6 +45,8 @@ def test_the_docs_know_the_option_and_its_default():
         ("nodes", [nodes.TRIANGLES, nodes.PER_TRIANGLE, hierarchy.SHAPES_PER_PIECE]),
         ("tables", [tables.PER_NODE]),
         ("cells", [cells.PER_TRIANGLE, cells.REST >> 20, cells.SEALED_PER_TRIANGLE]),
+        ("layout", [layout.PER_CELL]),
+        ("shards", [shards.PER_ID, shards.PER_CELL]),
         ("GLB, glTF", [TEXTURES_KEPT >> 20]),
         ("step", [PROCESS >> 20]),
         ("import", [import_model.PROCESS >> 20]),

@@ -109,6 +109,7 @@ def compute_cells(work: Assignment) -> dict[str, Any]:
         "open_keys": [int(key) for key in result.open_keys],
         "open_triangles": [triangles_needed(store, key, parameters, inside) for key in result.open_keys],
         "cells": len(result.cells),
+        "ids": len(result.ids),
         "content": content_of_arrays(result.cells, result.offsets, result.ids),
     }
 

@@ -74,6 +74,74 @@ class Backlog:
         self._followers.extend(self._followers_of(result))
 
 
+class Workers(Protocol):
+    """Where `run_backlog` has tasks done."""
+
+    def has_room(self) -> bool:
+        """Whether another task may begin."""
+        ...
+
+    def begin(self, task: Task) -> None:
+        """Begins a task that is not finished."""
+        ...
+
+    def is_busy(self) -> bool:
+        """Whether a task has begun whose result was not given yet."""
+        ...
+
+    def next_result(self) -> TaskResult | None:
+        """Waits for one of the tasks that have begun; None where it has begun anew. Raises the task's own error."""
+        ...
+
+
+def run_backlog(backlog: Backlog, place: Workplace, workers: Workers) -> Generator[TaskResult]:
+    """The loop of all executors: yields results as they come, until nothing waits or the workers take no more."""
+    while True:
+        while workers.has_room() and (task := backlog.next()) is not None:
+            if (finished := find_finished(task, place)) is None:
+                workers.begin(task)
+            else:
+                backlog.add_followers(finished)
+                yield finished
+        if not workers.is_busy():
+            return
+        if (result := workers.next_result()) is not None:
+            backlog.add_followers(result)
+            yield result
+
+
+class _ThisProcess:
+    """One task at a time, done when its result is asked for."""
+
+    def __init__(self, place: Workplace) -> None:
+        self._place = place
+        self._begun: Task | None = None
+
+    def has_room(self) -> bool:
+        """See `Workers`."""
+        return self._begun is None
+
+    def begin(self, task: Task) -> None:
+        """See `Workers`."""
+        self._begun = task
+
+    def is_busy(self) -> bool:
+        """See `Workers`."""
+        return self._begun is not None
+
+    def next_result(self) -> TaskResult:
+        """See `Workers`."""
+        assert self._begun is not None, "a result is asked for when a task has begun"
+        task, self._begun = self._begun, None
+        try:
+            return run_task(task, self._place)
+        except SystemError as error:
+            # An interrupt that comes while a compiled kernel runs leaves it in this disguise.
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from None
+            raise
+
+
 class SerialExecutor:
     """Runs tasks one by one in this process."""
 
@@ -84,11 +152,7 @@ class SerialExecutor:
         self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
     ) -> Generator[TaskResult]:
         """See `Executor.run`."""
-        backlog = Backlog(tasks, followers_of)
-        while (task := backlog.next()) is not None:
-            result = find_finished(task, place) or _run_here(task, place)
-            backlog.add_followers(result)
-            yield result
+        return run_backlog(Backlog(tasks, followers_of), place, _ThisProcess(place))
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -121,27 +185,37 @@ class GrowingExecutor:
     ) -> Generator[TaskResult]:
         """See `Executor.run`."""
         backlog = Backlog(tasks, followers_of)
-        while self._patience > 0 and (task := backlog.next()) is not None:
-            result = find_finished(task, place)
-            if result is None:
-                began, compiling = time.perf_counter(), Stopwatch()
-                with listening(compiling):
-                    result = _run_here(task, place)
-                self._patience -= time.perf_counter() - began - compiling.seconds
-            backlog.add_followers(result)
-            yield result
+        yield from run_backlog(backlog, place, _Patient(place, self))
         yield from self._larger.run(iter(backlog.next, None), place, followers_of)
+
+    def is_patient(self) -> bool:
+        """Whether tasks still run in this process."""
+        return self._patience > 0
+
+    def wait_for(self, seconds: float) -> None:
+        """Takes what a task took off the patience."""
+        self._patience -= seconds
 
     def close(self) -> None:
         """See `Executor.close`."""
         self._larger.close()
 
 
-def _run_here(task: Task, place: Workplace) -> TaskResult:
-    try:
-        return run_task(task, place)
-    except SystemError as error:
-        # An interrupt that comes while a compiled kernel runs leaves it in this disguise.
-        if isinstance(error.__cause__, KeyboardInterrupt):
-            raise KeyboardInterrupt from None
-        raise
+class _Patient(_ThisProcess):
+    """The same as long as a growing executor's patience lasts."""
+
+    def __init__(self, place: Workplace, executor: GrowingExecutor) -> None:
+        super().__init__(place)
+        self._executor = executor
+
+    def has_room(self) -> bool:
+        """See `Workers`."""
+        return self._executor.is_patient() and super().has_room()
+
+    def next_result(self) -> TaskResult:
+        """See `Workers`."""
+        began, compiling = time.perf_counter(), Stopwatch()
+        with listening(compiling):
+            result = super().next_result()
+        self._executor.wait_for(time.perf_counter() - began - compiling.seconds)
+        return result

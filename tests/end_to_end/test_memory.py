@@ -33,7 +33,6 @@ print(json.dumps(tasks))
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["city", "plant"])
 def test_every_task_stays_below_its_estimate(kind, tmp_path):
-    from jobs.pipeline import STAGES
     from jobs.scenes import write_scene
 
     write_scene(kind, tmp_path / "model.glb", 100_000, 0)

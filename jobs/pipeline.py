@@ -34,7 +34,7 @@ from storage.base.progress import Progress, Silent
 from storage.base.typed_json import from_json
 from storage.shards.manifest import Manifest, commit, current
 from storage.shards.sections import ModelSection
-from storage.writer import cells_section
+from storage.vlod_writer import cells_section
 
 #: The stages of a build in their order. Another one is a file in `jobs.stages` and a line here.
 STAGES: tuple[StageFile, ...] = (

@@ -215,7 +215,7 @@ class Geometry:
 def open_geometry(root: str | os.PathLike[str], section: GeometrySection) -> Geometry:
     """Opens the geometry of a store whose build is still running.
 
-    section: what `storage.writer.geometry_section` gave. The result has all that `Store` has but cells.
+    section: what `storage.geometry_writer.geometry_section` gave. The result has all that `Store` has but cells.
     """
     return Geometry(Files(Path(root)), section)
 

@@ -19,11 +19,10 @@ from storage.shards.shard_files import ShardFiles
 from storage.shards.shards import Kind
 
 
-class _CellShard(NamedTuple):
-    """The tables of one cell shard."""
+class _Boundaries(NamedTuple):
+    """The boundaries of the cells of one shard."""
 
-    links: np.ndarray  # CELL_LINK
-    boundaries: np.ndarray  # BOUNDARY, sorted by first, second
+    table: np.ndarray  # BOUNDARY, sorted by first, second
     keys: NDArray[np.int64]  # (k, 2), first and second of each boundary, cells of the store
 
 
@@ -50,7 +49,7 @@ class VlodReader:
 
         def load() -> tuple[NDArray[np.int64], int]:
             number, at = self._place(cell)
-            links = self._tables(number).links
+            links = self._links(number)
             lists: list[Ids] = []
             while (parent := int(links[at]["parent"])) >= 0:
                 lists.extend(self._change(number, int(links[at]["frame"]), int(links[at]["slot"])))
@@ -68,12 +67,12 @@ class VlodReader:
     def delta(self, a: int, b: int) -> Delta:
         """What changes from cell a to cell b > a, both computed. Raises ParameterError if they share no face."""
         number, _ = self._place(a)
-        shard = self._tables(number)
-        run = slice(*np.searchsorted(shard.keys[:, 0], [a, a + 1]).tolist())
-        at = run.start + int(np.searchsorted(shard.keys[run, 1], b))
-        if at >= run.stop or shard.keys[at, 1] != b:
+        table, keys = self._boundaries(number)
+        run = slice(*np.searchsorted(keys[:, 0], [a, a + 1]).tolist())
+        at = run.start + int(np.searchsorted(keys[run, 1], b))
+        if at >= run.stop or keys[at, 1] != b:
             raise ParameterError(f"cells {a} and {b} share no face")
-        row = shard.boundaries[at]
+        row = table[at]
         return self._change(number, int(row["frame"]), int(row["slot"]))
 
     def _place(self, cell: int) -> tuple[int, int]:
@@ -81,16 +80,26 @@ class VlodReader:
         number = int(np.searchsorted(self._starts, cell, side="right")) - 1
         return number, cell - int(self._starts[number])
 
-    def _tables(self, number: int) -> _CellShard:
-        def load() -> tuple[_CellShard, int]:
+    def _links(self, number: int) -> np.ndarray:
+        """CELL_LINK of a shard."""
+
+        def load() -> tuple[np.ndarray, int]:
             reader = self._files.reader(self._shards[number])
             links = reader.decoded(1, Kind.TABLE, lambda data: unpack_table(data, CELL_LINK))
+            return links, links.nbytes
+
+        links: np.ndarray = self._cache.get(("links", number), load)
+        return links
+
+    def _boundaries(self, number: int) -> _Boundaries:
+        def load() -> tuple[_Boundaries, int]:
+            reader = self._files.reader(self._shards[number])
             table = reader.decoded(2, Kind.TABLE, lambda data: unpack_table(data, BOUNDARY))
             keys = np.stack([table["first"] + self._starts[number], table["second"]], axis=1).astype(np.int64)
-            return _CellShard(links, table, keys), links.nbytes + table.nbytes + keys.nbytes
+            return _Boundaries(table, keys), table.nbytes + keys.nbytes
 
-        shard: _CellShard = self._cache.get(("tables", number), load)
-        return shard
+        boundaries: _Boundaries = self._cache.get(("boundaries", number), load)
+        return boundaries
 
     def _block(self, number: int, frame: int, kind: Kind) -> list[Ids]:
         """A decoded frame of key sets or deltas."""

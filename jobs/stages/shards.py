@@ -84,7 +84,7 @@ def _code_of(codec: str) -> tuple[str, ...]:
 
 def write_cells(work: Assignment) -> dict[str, Any]:
     """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
-    from storage.writer import write_cell_shard
+    from storage.vlod_writer import write_cell_shard
 
     payload, places = work.read(Payload, Places)
     laid_out = work.place.result(layout.STAGE.name, places.layout)

@@ -67,8 +67,8 @@ def tasks(state: BuildState) -> Tasks:
 def join_tables(work: Assignment) -> dict[str, Any]:
     """The small tables of all tasks on detail to the model's tables and the manifest's section on geometry."""
     from jobs.detail.assemble import join_nodes
+    from storage.geometry_writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
     from storage.model.tables import INSTANCE, PART
-    from storage.writer import GeometryShardRecord, geometry_section, join_geometry, write_tables_shard
 
     payload, places = work.read(Payload, Places)
     model = imported_model(work.place, places.model)

@@ -38,7 +38,7 @@ class MadeNode(NamedTuple):
 def write_nodes(work: Assignment, grid: Grid, made: Iterable[MadeNode]) -> dict[str, Any]:
     """Writes the levels of nodes, as they come, into a shard, and the rows of all of them; returns a task's record."""
     from jobs.detail.assemble import make_rows, place_levels
-    from storage.writer import write_geometry_shard
+    from storage.geometry_writer import write_geometry_shard
 
     places: list[np.ndarray] = []
     placed: list[Placed] = []

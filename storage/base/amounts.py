@@ -40,11 +40,11 @@ class Bytes(click.ParamType):
 
     name = "BYTES"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """See `click.ParamType.convert`."""
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:  # noqa: ARG002
+        """See `click.ParamType.convert`. Raises ParameterError, which names the option."""
         if isinstance(value, int):
             return value
         try:
             return parse_size(str(value))
         except ParameterError as error:
-            self.fail(str(error), param, ctx)
+            raise ParameterError(f"{param.opts[-1] if param else self.name}: {error}") from None

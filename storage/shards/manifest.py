@@ -6,8 +6,8 @@ store. The file's bytes are a pure function of what it says, and it carries a ch
 found.
 
 A manifest may have sections that this code does not know, made by a later one. They are ignored, unless the manifest's
-`requires` names them: whoever does not know such a section would read the store wrongly. Wherever a manifest names a
-shard it is an object with `name` and `bytes`, so that all of a version's shards are found, whoever wrote it.
+`requires` names them: whoever does not know such a section would read the store wrongly. Wherever such a section names
+a shard it is an object with `name` and `bytes`: all of a version's shards are found, whoever wrote it.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Manifest:
     model: ModelSection
     pixel_angle: float  # model units per unit of distance that one pixel spans: storage.model.cut.pixel_angle
     parameters: Mapping[str, Any]  # every parameter of the build, as JSON holds them
-    geometry: GeometrySection  # made by storage.writer.geometry_section
-    cells: CellsSection | None  # made by storage.writer.cells_section; None before there are any
+    geometry: GeometrySection  # made by storage.geometry_writer.geometry_section
+    cells: CellsSection | None  # made by storage.vlod_writer.cells_section; None before there are any
     version: int = 0  # counts up from 1; given by `commit`
     format: int = FORMAT
     requires: tuple[str, ...] = ()  # names of sections without which the store cannot be read rightly
@@ -86,7 +86,8 @@ _OWN = tuple(field.name for field in dataclasses.fields(Manifest) if field.name 
 
 def to_bytes(manifest: Manifest) -> bytes:
     """The manifest as the content of `manifest.json`."""
-    return _with_checksum({**manifest.others, **{name: to_json(getattr(manifest, name)) for name in _OWN}})
+    content = {**manifest.others, **{name: to_json(getattr(manifest, name)) for name in _OWN}}
+    return _as_text(content, _checksum(content))
 
 
 def from_bytes(data: bytes, place: str, file: str = FILE) -> Manifest:
@@ -101,7 +102,7 @@ def from_bytes(data: bytes, place: str, file: str = FILE) -> Manifest:
         content = json.loads(data)
         found = content.pop("checksum")
         number = content["format"]
-        as_written = found == _checksum(content) and _with_checksum(content) == data
+        as_written = found == _checksum(content) and _as_text(content, found) == data
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise CorruptStoreError(f"{damaged}: it is not a vLOD manifest; {CURE}", file) from error
     if not as_written:
@@ -179,6 +180,6 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return hashlib.blake2b(canonical.encode(), digest_size=16).hexdigest()
 
 
-def _with_checksum(content: Mapping[str, Any]) -> bytes:
-    text = json.dumps({**content, "checksum": _checksum(content)}, sort_keys=True, allow_nan=False, indent=1)
+def _as_text(content: Mapping[str, Any], checksum: str) -> bytes:
+    text = json.dumps({**content, "checksum": checksum}, sort_keys=True, allow_nan=False, indent=1)
     return text.encode() + b"\n"

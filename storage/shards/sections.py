@@ -1,8 +1,8 @@
 """The sections of a manifest: what it says of the model, its geometry and its view cells.
 
-Each is written to JSON by the names of its fields. A section may get new fields: readers ignore those that they do not
-know. What is new as a whole is a section of its own, beside these, that readers may ignore too, unless the manifest
-says that it is required: see `storage.shards.manifest`.
+Each is written to JSON by the names of its fields. A section may get new fields that name no shards: readers ignore
+those that they do not know. What is new as a whole is a section of its own, beside these, that readers may ignore too,
+unless the manifest says that it is required: see `storage.shards.manifest`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class GeometryCounts:
 
 @dataclass(frozen=True)
 class GeometrySection:
-    """The geometry: made by `storage.writer.geometry_section`; also what `open_geometry` takes."""
+    """The geometry: made by `storage.geometry_writer.geometry_section`; also what `open_geometry` takes."""
 
     grid_step: float  # model units per grid unit, a power of two
     tables: ShardRecord
@@ -72,7 +72,7 @@ class CellCounts:
 
 @dataclass(frozen=True)
 class CellsSection:
-    """The view cells: made by `storage.writer.cells_section`."""
+    """The view cells: made by `storage.vlod_writer.cells_section`."""
 
     octree_lo: Point
     octree_size: float  # edge of the octree's cube, in model units

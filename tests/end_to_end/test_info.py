@@ -12,7 +12,7 @@ import pytest
 from storage.cells.octree import Octree, neighbours
 from storage.shards.manifest import commit
 from storage.store import Store
-from storage.writer import cells_section, write_cell_shard
+from storage.vlod_writer import cells_section, write_cell_shard
 from tests.storage.tiny_store import make_store, room_parts
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -67,6 +68,14 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return make_store(tmp_path_factory.mktemp("store"), room_parts(), visible=visible)
 
 
+def test_the_modules_that_it_names_are_there() -> None:
+    package = Path(__file__).parents[2] / "storage"
+    named = re.findall(r"`([a-z_/]+\.py|[a-z_/]+/)`", (package / "FORMAT.md").read_text())
+    own = [name for name in named if name not in ("storage/", "shards/", "work/")]
+    assert len(own) > 8
+    assert [name for name in own if not (package / name).exists()] == []
+
+
 def test_the_manifest(store: Store) -> None:
     root = Path(store.files.url)
     data = (root / "manifest.json").read_bytes()
@@ -76,6 +85,12 @@ def test_the_manifest(store: Store) -> None:
     checksum = content.pop("checksum")
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
     assert hashlib.blake2b(canonical, digest_size=16).hexdigest() == checksum
+    assert content["format"] == 5
+    assert content["requires"] == []
+    assert set(content["model"]) == {"digest", "triangles", "lo", "hi", "origin", "up", "unit_in_metres"}
+    assert set(content["geometry"]) == {"grid_step", "tables", "shards", "counts"}
+    assert set(content["cells"]) == {"octree_lo", "octree_size", "table", "shards", "counts"}
+    assert {"format", "version", "requires", "model", "parameters", "pixel_angle", "geometry", "cells"} == set(content)
 
 
 def test_tables(store: Store) -> None:

@@ -2,7 +2,7 @@
 
     store = make_store(tmp_path / "store", room_parts(), depth=2)
 
-`make_store` writes through storage.writer like a build does. By default each cell's vLOD is its whole cut; pass
+`make_store` writes like a build does. By default each cell's vLOD is its whole cut; pass
 `visible` to say otherwise.
 """
 
@@ -18,21 +18,15 @@ import numpy as np
 from storage.cells.codecs import DEFAULT
 from storage.cells.octree import Octree, neighbours
 from storage.geometry_reader import Geometry, open_geometry
+from storage.geometry_writer import geometry_section, join_geometry, write_geometry_shard, write_tables_shard
+from storage.meshes.pack import MeshArrays
 from storage.meshes.placement import transform_points
 from storage.model.cut import choose_cut, pixel_angle
 from storage.model.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid
 from storage.shards.manifest import Manifest, commit
 from storage.shards.sections import GeometrySection, ModelSection
 from storage.store import Store, open_store
-from storage.writer import (
-    MeshArrays,
-    cells_section,
-    geometry_section,
-    join_geometry,
-    write_cell_shard,
-    write_geometry_shard,
-    write_tables_shard,
-)
+from storage.vlod_writer import cells_section, write_cell_shard
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.M
 
     sound = make_store(tmp_path / "sound", room_parts(), depth=2)
     assert verify(str(tmp_path / "sound"), samples=1000, cells=20).ok
-    monkeypatch.setattr("storage.store.find_turned_away", bold)
+    monkeypatch.setattr("storage.meshes.turned_away.find_turned_away", bold)
     store = make_store(tmp_path / "store", room_parts(), depth=2)
     assert (store.cells["turned_triangles"] >= sound.cells["turned_triangles"]).all()
     report = verify(str(tmp_path / "store"), samples=1000, cells=20)
@@ -65,7 +65,7 @@ def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_wrong_count_of_what_is_turned_away_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_store(tmp_path / "store", room_parts(), depth=1)
-    monkeypatch.setattr("storage.store.find_turned_away", lambda *given: ~find_turned_away(*given))
+    monkeypatch.setattr("storage.meshes.turned_away.find_turned_away", lambda *given: ~find_turned_away(*given))
     report = verify(str(tmp_path / "store"), samples=0, cells=8)
     assert len(report.problems) == 8
     assert "triangles of its vLOD are turned away, the table says" in report.problems[0]

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import fsspec
 import numpy as np
@@ -14,8 +15,11 @@ import pytest
 
 from storage import open_store
 from storage.base.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.cells.spanning_forest import LONGEST_CHAIN
+from storage.geometry_reader import Geometry
+from storage.shards.shards import TAIL_READ
 from storage.store import Store
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
 class _Ranges(http.server.SimpleHTTPRequestHandler):
@@ -137,6 +141,57 @@ def test_ranges_fetch_less_than_the_files(original: Store) -> None:
     store.mesh(0)
     assert store.bytes_fetched - opened < sum(record.bytes for _, record in store.manifest.shards())
     assert list(serving) == []
+
+
+def test_few_requests_open_a_store_and_read_a_cell(original: Store) -> None:
+    """Each is a wait of its own for whoever is far away."""
+    asked: list[str] = []
+
+    class Counting(_Ranges):
+        def parse_request(self) -> bool:
+            understood = super().parse_request()
+            asked.append(self.requestline)
+            return understood
+
+    def requests() -> int:
+        count = len(asked)
+        asked.clear()
+        return count
+
+    serving = _served(Path(original.files.url), Counting)
+    store = open_store(next(serving))
+    assert 1 <= requests() <= 3  # the manifest, the tables, the cells' table
+    store.vlod(20)
+    assert requests() <= 1  # the shard is small, and comes whole
+    store.vlod(21)
+    store.delta(20, 21)
+    assert requests() == 0  # the same shard
+    store.mesh(0)
+    assert 1 <= requests() <= 2
+    assert list(serving) == []
+
+
+def test_a_cell_of_a_large_shard_takes_a_request_for_each_frame_on_the_way(tmp_path: Path) -> None:
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
+
+    corners = np.indices((12, 12, 12)).reshape(3, -1).T.tolist()
+    parts = [box_part(f"{x} {y} {z}", (x, y, z), (x + 0.5, y + 0.5, z + 0.5), segments=(1,)) for x, y, z in corners]
+    written = make_store(tmp_path, parts, depth=2, visible=visible, cells_per_shard=64)
+    assert written.manifest.cells is not None
+    assert written.manifest.cells.shards[0].bytes > TAIL_READ
+    store = open_store(tmp_path)
+    asked = 0
+    real = store.files.read
+
+    def read(*args: Any) -> bytes:
+        nonlocal asked
+        asked += 1
+        return real(*args)
+
+    store.files.read = read  # type: ignore[method-assign]
+    store.vlod(0)
+    assert 4 <= asked <= 3 + LONGEST_CHAIN  # the shard's end, the links, the key set, the changes
 
 
 def test_a_server_that_is_not_there() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from jobs.scenes.kinds import KINDS
 from storage.base.amounts import Bytes
 
 _BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
@@ -244,7 +245,7 @@ def verify(
 @click.command(
     "demo-scene", epilog="Example: vlod demo-scene plant plant.glb --triangles 1000000", no_args_is_help=True
 )
-@click.argument("kind", type=click.Choice(["plant", "city", "offices"]))
+@click.argument("kind", type=click.Choice(tuple(KINDS)))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--triangles", type=int, default=300_000, show_default=True, help="Size of the scene, instances counted.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Another seed, another scene.")

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.importing.keeping.saved import MeshView
-from jobs.importing.reading.colours import DEFAULT_COLOUR
 from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.equal_rows import first_equal
 from jobs.importing.reading.source_scene import SourceMesh
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR
 
 #: Positions beyond this are taken for garbage: no model needs them, and their squares stay far from overflow.
 FARTHEST = 1e15

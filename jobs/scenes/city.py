@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.scenes.things import street
+from jobs.scenes.things.furnish import Plan, furnish
 from jobs.scenes.things.furnishings import FURNISHINGS
-from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
+from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Room
 from jobs.scenes.things.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z, vec
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
-RECIPES = FURNISHINGS | street.RECIPES
 BLOCK, STREET = 56.0, 12.0  # metres: a block with its pavements, a street between kerbs
 PITCH = BLOCK + STREET
 KERB = 0.125
@@ -529,3 +529,6 @@ def _interiors(stage: Stage, block: Block, goal: int, rng: np.random.Generator) 
             stage.writer.end()
             left -= 1
         stage.writer.end()
+
+
+SCENE = SceneKind(build, walk, FURNISHINGS | street.RECIPES)

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.scenes.things.furnish import Plan, furnish
 from jobs.scenes.things.furnishings import FURNISHINGS
-from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Plan, Room, furnish
+from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Room
 from jobs.scenes.things.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, vec
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
-RECIPES = FURNISHINGS
 STOREY_TRIANGLES = 60_000  # aimed at per storey
 ROOF_TRIANGLES = 12 + 8 * 4 + 16 * 2  # slab and parapet
 TOWER_STOREYS = 24
@@ -367,3 +367,6 @@ def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
         boards_hi.append((room.x1, high, 0.125))
     stage.add(f"{name} door frames", boxes(frames_lo, frames_hi), "wood dark")
     stage.add(f"{name} skirting boards", boxes(boards_lo, boards_hi), "white")
+
+
+SCENE = SceneKind(build, walk, FURNISHINGS)

@@ -29,9 +29,8 @@ from jobs.scenes.things.solids import (
     turn_z,
     vec,
 )
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, Stage, Walk
+from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
-RECIPES = equipment.RECIPES
 LENGTH, DEPTH, HEIGHT = 36.0, 24.0, 9.0  # of a hall: between the walls' outer faces, and the clear height
 WALL = 0.25
 AISLE = 1.5  # the middle of the walkway along the walls, from the hall's outer edge
@@ -634,3 +633,6 @@ class _Builder:
         for first in range(0, count, 12):
             mesh = join(parts[first : first + 12])
             self.stage.add(f"{self.hall.name} conduits {first // 12 + 1}", mesh, "galvanised")
+
+
+SCENE = SceneKind(build, walk, equipment.RECIPES)

@@ -21,7 +21,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, tint, to_colours
 from jobs.importing.reading.content import Content, whole
 from jobs.importing.reading.corners import fan, unify
 from jobs.importing.reading.defects import Defect, Tally
@@ -29,6 +28,7 @@ from jobs.importing.reading.needs import TEXT, image_needs
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, compose
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, tint, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -24,9 +24,8 @@ def _names_none(_file: Path, _content: Content, _resources: Resources) -> Iterab
 class Format:
     """A kind of model file. Its reader's module holds it, and `jobs.importing.formats.known` lists it.
 
-    The functions get a file's path, its bytes, and the files beside it. On damaged files they may raise anything:
-    whoever calls them makes of it what it is there. Those that only look at a file (all but `read`) hold no more of it
-    than its header or a stretch.
+    The functions get a file's path, its bytes, and the files beside it. On damaged files they may raise anything: an
+    import makes one clear ModelError of it, and whoever only looks at a file leaves it to the import.
     """
 
     #: Lower case, with the dot.

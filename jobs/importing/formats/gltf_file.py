@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
 from jobs.importing.reading.content import Content, ContentPart, whole
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.needs import TEXEL, TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, texels_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes, compose
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, from_linear, srgb_to_linear, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -43,6 +43,9 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mes
 
 #: The most zeros that an accessor without data may stand for.
 _ZEROS = 1 << 24
+
+#: Bytes that are looked through at once.
+_BLOCK = 1 << 20
 
 #: Textures are kept for the next mesh up to this many bytes of pixels.
 TEXTURES_KEPT = 1 << 26
@@ -74,7 +77,9 @@ def _is_glb(content: Content) -> bool:
 
 def _is_gltf(content: Content) -> bool:
     head = content.part(0, 4096).lstrip(b"\xef\xbb\xbf \t\r\n")
-    return head.startswith(b"{") and b'"asset"' in whole(content)
+    asset = b'"asset"'
+    starts = range(0, content.size, _BLOCK)
+    return head.startswith(b"{") and any(asset in content.part(at, at + _BLOCK + len(asset)) for at in starts)
 
 
 def _named_files(file: Path, content: Content, _resources: Resources) -> Iterable[str]:
@@ -100,6 +105,8 @@ def _memory(file: Path, content: Content, resources: Resources) -> int:
     for mesh in header.get("meshes", ()):
         need = 0
         for primitive in mesh["primitives"]:
+            if "POSITION" not in primitive.get("attributes", {}):
+                continue
             vertices = int(accessors[primitive["attributes"]["POSITION"]]["count"])
             corners = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
             triangles = corners // 3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else corners

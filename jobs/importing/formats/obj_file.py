@@ -22,7 +22,6 @@ import numpy as np
 
 from jobs.importing.formats.format import Format
 from jobs.importing.formats.obj_materials import Material, named_textures, read_materials
-from jobs.importing.reading.colours import DEFAULT_COLOUR, to_colours
 from jobs.importing.reading.content import Content
 from jobs.importing.reading.corners import fan, unify
 from jobs.importing.reading.defects import Defect, Tally
@@ -30,6 +29,7 @@ from jobs.importing.reading.needs import image_needs
 from jobs.importing.reading.numbers import integers_of, rows_of, table_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
 from storage.meshes.placement import IDENTITY
 
 _CHUNK = 1 << 23

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jobs.importing.reading.colours import Texture, tint, to_colours
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.vertex_colours import Texture, tint, to_colours
 
 _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.colours import to_colours
 from jobs.importing.reading.content import Content, whole
 from jobs.importing.reading.corners import fan, split_by_face
 from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.numbers import floats_of, rows_of, table_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.vertex_colours import to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

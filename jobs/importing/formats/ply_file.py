@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.colours import DEFAULT_COLOUR, Texture, to_colours
 from jobs.importing.reading.content import Content, whole
 from jobs.importing.reading.corners import fan, split_by_face, unify
 from jobs.importing.reading.defects import Defect
@@ -23,6 +22,7 @@ from jobs.importing.reading.needs import TEXTURED_VERTEX, TRIANGLE, VERTEX, imag
 from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

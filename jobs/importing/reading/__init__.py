@@ -1,0 +1,14 @@
+"""What the readers of model files share.
+
+Read in this order:
+
+    source_scene    what a reader hands over: meshes as the file has them, their placements, unit and up axis
+    defects         what can be wrong with a model, and how often it is
+    content         the bytes of a file, read as they are asked for
+    resources       the other files that a model file names: only those inside its own folder
+    numbers         numbers in text
+    corners         corners of faces become triangles and vertices
+    equal_rows      rows of an array that are equal
+    vertex_colours  materials and textures become vertex colours
+    needs           what readers need of memory
+"""

@@ -71,6 +71,15 @@ class Walk:
     tour: NDArray[np.float64]  # (m, 3) way points; the straight legs between them meet no wall
 
 
+@dataclass(frozen=True)
+class SceneKind:
+    """How one kind of scene is made: the SCENE of its module, which `jobs.scenes.kinds` lists."""
+
+    build: Callable[[Stage, int, int], None]  # stage, triangles, seed
+    walk: Callable[[int, int], Walk]  # triangles, seed
+    recipes: dict[str, Recipe]
+
+
 @dataclass
 class Stage:
     """A scene in the making: the file, the triangles asked for, and what can be placed."""

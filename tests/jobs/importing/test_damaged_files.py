@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import json
 import os
 import resource
@@ -74,7 +75,23 @@ def test_a_file_cut_anywhere_is_refused(tmp_path_factory, kind, share):
 @given(st.integers(0, len(CONTENT["obj"])))
 @settings(deadline=None, max_examples=60)
 def test_an_obj_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path_factory, cut):
-    attempt(tmp_path_factory.mktemp("cut"), "obj", CONTENT["obj"][:cut])
+    """Every line that is whole is read as in the whole file; of the line that is cut at most one face more."""
+    data = CONTENT["obj"][:cut]
+    whole_faces = data.count(b"\nf ", 0, data.rfind(b"\n") + 1)
+    model = attempt(tmp_path_factory.mktemp("cut"), "obj", data)
+    read = 0 if model is None else model.triangle_count
+    assert whole_faces <= read <= whole_faces + 1
+    if model is not None:
+        assert np.array_equal(corners_of(model)[:whole_faces], obj_corners()[:whole_faces])
+
+
+@functools.cache
+def obj_corners() -> np.ndarray:
+    """The corners of the OBJ file's faces (m, 3, 3), read as its lines say."""
+    lines = [line.split() for line in CONTENT["obj"].decode().splitlines()]
+    positions = np.array([line[1:4] for line in lines if line[:1] == ["v"]], np.float64)
+    faces = [[int(corner.split("/")[0]) - 1 for corner in line[1:]] for line in lines if line[:1] == ["f"]]
+    return positions[np.array(faces)]
 
 
 @given(

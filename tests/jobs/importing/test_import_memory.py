@@ -98,6 +98,15 @@ def test_many_meshes_count_as_the_largest(tmp_path):
     assert sizes[0] < sizes[1] < 2 * sizes[0]
 
 
+def test_primitives_without_positions_count_nothing(tmp_path):
+    estimates = []
+    for extra in ([], [{"attributes": {}}]):
+        scene = Glb()
+        scene.node(mesh=scene.mesh(scene.primitive(*terrain(33)), *extra))
+        estimates.append(import_memory([scene.write(tmp_path / "a.glb")]))
+    assert 0 < estimates[0] < estimates[1] < estimates[0] + 1000  # a longer header
+
+
 def test_the_largest_group_of_an_obj_counts_most(tmp_path):
     points, triangles = box()
     faces = "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles.tolist()) * 2000

@@ -167,6 +167,32 @@ def test_stl_solids_are_parts(tmp_path):
     assert model.meshes["triangles"].tolist() == [1, 2]
 
 
+def test_stl_solids_of_one_name_are_numbered(tmp_path):
+    facet = "facet normal 0 0 1\nouter loop\nvertex {0} 0 0\nvertex {1} 0 0\nvertex {0} 1 0\nendloop\nendfacet\n"
+    solids = ["Bolt", "Bolt", "", "", "part_7", "part_7", "empty"]
+    texts = [f"solid {name}\n{facet.format(k, k + 1) * (name != 'empty')}endsolid\n" for k, name in enumerate(solids)]
+    for end in ("\n", "\r\n", "\r"):
+        path = save(tmp_path, "a.stl", "".join(texts).replace("\n", end))
+        model = imported(path, tmp_path / f"out {end.encode().hex()}")
+        assert model.names == ("Bolt", "Bolt_1", "geometry_1", "geometry_2", "part_7", "part_8")
+        assert corners_of(model)[:, 0, 0].tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_words_among_the_numbers_of_an_stl_file_are_counted(tmp_path):
+    facet = "FACET NORMAL 0 0 1\nOUTER LOOP\nVERTEX {} 0 0\nVERTEX 1 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\n"
+    text = f"SOLID A\n{facet.format(0)}{facet.format('zero')}{facet.format('')}ENDSOLID\n"
+    model = imported(save(tmp_path, "a.stl", text), tmp_path / "out")
+    assert model.triangle_count == 1
+    assert total(model, "faces with a position that is not finite") == 2
+
+
+def test_an_stl_solid_with_a_vertex_too_many_is_refused(tmp_path):
+    facet = "facet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\n"
+    text = f"solid\n{facet}vertex 5 5 5\nendsolid\nsolid\n{facet.replace('vertex 0 0 0', '')}endsolid\n"
+    with pytest.raises(ModelError, match="not every facet has three vertices"):
+        imported(save(tmp_path, "a.stl", text), tmp_path / "out")
+
+
 def binary_stl(count=None):
     positions, triangles = terrain(4)
     rows = np.zeros(len(triangles), [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])

@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.scenes import city, offices, plant
+from jobs.scenes.kinds import KINDS, scene_kind
 from jobs.scenes.things.glb import GlbWriter, y_up
-from jobs.scenes.things.stage import Progress, Recipe, Stage, Walk
+from jobs.scenes.things.stage import Progress, SceneKind, Stage
 from storage.base.errors import ParameterError
 
 MINIMUM_TRIANGLES = 20_000
 MAXIMUM_TRIANGLES = 200_000_000
 MAXIMUM_SEED = 2**32 - 1
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """How one kind of scene is made."""
-
-    build: Callable[[Stage, int, int], None]  # stage, triangles, seed
-    walk: Callable[[int, int], Walk]  # triangles, seed
-    recipes: dict[str, Recipe]
-
-
-_KINDS = {
-    "city": _Kind(city.build, city.walk, city.RECIPES),
-    "offices": _Kind(offices.build, offices.walk, offices.RECIPES),
-    "plant": _Kind(plant.build, plant.walk, plant.RECIPES),
-}
-KINDS = tuple(sorted(_KINDS))
 
 
 @dataclass(frozen=True)
@@ -50,9 +32,9 @@ class SceneRecord:
     tour: NDArray[np.float64]  # (n, 3) way points of a walk at eye height, metres, y up; its legs meet no wall
 
 
-def _checked(kind: str, triangles: int, seed: int) -> _Kind:
+def _checked(kind: str, triangles: int, seed: int) -> SceneKind:
     """The kind's makers. Raises ParameterError for what cannot be made."""
-    if kind not in _KINDS:
+    if kind not in KINDS:
         raise ParameterError(f"there is no demo scene {kind!r}: choose one of {', '.join(KINDS)}")
     if not MINIMUM_TRIANGLES <= triangles <= MAXIMUM_TRIANGLES:
         raise ParameterError(
@@ -61,7 +43,7 @@ def _checked(kind: str, triangles: int, seed: int) -> _Kind:
         )
     if not 0 <= seed <= MAXIMUM_SEED:
         raise ParameterError(f"the seed {seed} is out of range: choose 0 to {MAXIMUM_SEED}")
-    return _KINDS[kind]
+    return scene_kind(kind)
 
 
 def write_scene(kind: str, out: Path, triangles: int, seed: int, progress: Progress | None = None) -> SceneRecord:

@@ -12,7 +12,7 @@ from jobs.running.arrays import save_array
 from jobs.running.tasks import Assignment, content_of_arrays
 
 if TYPE_CHECKING:
-    from jobs.detail.assemble import Placed, Placement
+    from jobs.detail.assemble import PlacedNode, Placement
     from jobs.detail.node import Node
     from storage.meshes.pack import MeshArrays
     from storage.model.tables import Grid
@@ -41,7 +41,7 @@ def write_nodes(work: Assignment, grid: Grid, made: Iterable[MadeNode]) -> dict[
     from storage.geometry_writer import write_geometry_shard
 
     places: list[np.ndarray] = []
-    placed: list[Placed] = []
+    placed: list[PlacedNode] = []
 
     def meshes() -> Iterator[tuple[int, list[MeshArrays]]]:
         geometries = 0

@@ -29,9 +29,9 @@ def scene_of(soup: Soup) -> ray_tree.Scene:
 
 def look(soup: Soup, scene: ray_tree.Scene, t: int, wa: float, wb: float, o: np.ndarray) -> int:
     """What the kernel says when all of the soup stands."""
-    d, over, stack = np.empty(3), np.empty(3), np.empty(ray_tree.STACK, np.int32)
-    drawable = int(soup.triangle_drawable[t])
-    return int(aimed_rays.look(scene, t, drawable, wa, wb, o, d, over, stack, -1))
+    ray = aimed_rays.make_ray()
+    ray.o[:] = o
+    return int(aimed_rays.look(scene, t, int(soup.triangle_drawable[t]), wa, wb, ray, -1))
 
 
 def exactly_seen(soup: Soup, t: int, wa: float, wb: float, o: np.ndarray) -> bool:

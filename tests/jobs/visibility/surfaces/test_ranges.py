@@ -7,7 +7,7 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.visibility.images.ranges import below, not_above, not_below
+from jobs.visibility.surfaces.ranges import below, not_above, not_below
 
 #: Numbers whose sums, products and quotients by powers of two are exact.
 NUMBERS = st.integers(-64, 64).map(float)

@@ -63,7 +63,9 @@ class Stage:
     function: str  # "module:name" of its `Work`
     code: tuple[str, ...]  # modules and packages whose source decides the result
     distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
-    apart: tuple[str, ...] = ()  # what that code imports, and what has no say in the result: see `jobs.stages.code`
+    apart: tuple[
+        str, ...
+    ] = ()  # what that code imports, and what has no say in the result: see `jobs.stages.common.code`
     cure: str | None = None  # what, beside more memory, helps where a task needs too much
 
     @property

@@ -13,8 +13,9 @@ from jobs.running.arrays import mapped_array, save_array
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
-from jobs.stages import code, import_model, pieces
-from jobs.stages.build_state import BuildState, Tasks
+from jobs.stages import import_model, pieces
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
 from jobs.stages.import_model import imported_model
 from storage.base.typed_json import to_json
 

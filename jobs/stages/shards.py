@@ -12,8 +12,9 @@ import numpy as np
 from jobs.running.arrays import mapped_array
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
-from jobs.stages import cells, code, layout
-from jobs.stages.build_state import BuildState, Tasks
+from jobs.stages import cells, layout
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ STAGE = Stage(
     "jobs.stages.shards:write_cells",
     code.SHARDS,
     ("numpy", "zstandard"),
-    apart=(*code.GEOMETRY_ALONE, *code.CODECS),
+    apart=code.CODECS,
 )
 
 #: Bytes for each id, and for each cell, of the subtrees that are looked at: its own and those beside it. Measured: 2 to

@@ -13,12 +13,13 @@ from jobs.detail.detail_options import DetailOptions
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.running.workplace import Workplace
-from jobs.stages import code, hierarchy, import_model, pieces
-from jobs.stages.build_state import BuildState, Tasks
+from jobs.stages import hierarchy, import_model, pieces
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.common.written_nodes import MadeNode, crease_cosine, write_nodes
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
 from jobs.stages.pieces import found_pieces
-from jobs.stages.written_nodes import MadeNode, crease_cosine, write_nodes
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ STAGE = Stage(
     "jobs.stages.shared:make_shared",
     code.SHARED,
     ("numpy", "numba", "zstandard"),
-    apart=(*code.IMPORTERS, *code.CELLS_ALONE),
+    apart=code.IMPORTERS,
     cure="part the largest mesh in the program that wrote it",
 )
 

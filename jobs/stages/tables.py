@@ -10,11 +10,12 @@ import numpy as np
 
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_key
-from jobs.stages import code, hierarchy, import_model, nodes, shared
-from jobs.stages.build_state import BuildState, Tasks
+from jobs.stages import hierarchy, import_model, nodes, shared
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.common.written_geometry import SECTION
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
-from jobs.stages.written_geometry import SECTION
 from storage.base.typed_json import to_json
 
 STAGE = Stage(
@@ -22,7 +23,7 @@ STAGE = Stage(
     "jobs.stages.tables:join_tables",
     code.TABLES,
     ("numpy", "zstandard"),
-    apart=(*code.IMPORTERS, *code.CELLS_ALONE, "storage.geometry_reader"),
+    apart=(*code.IMPORTERS, "storage.geometry_reader"),
 )
 
 #: Bytes for each node. Measured: 1,700.

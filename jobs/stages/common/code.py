@@ -19,8 +19,8 @@ APART = (
     "jobs.running.memory",
     "jobs.running.tasks",
     "jobs.running.workplace",
-    "jobs.stages.build_state",
-    "jobs.stages.code",
+    "jobs.stages.common.build_state",
+    "jobs.stages.common.code",
     "storage.base.compiling",
     "storage.base.errors",
     "storage.base.temporary",
@@ -56,18 +56,24 @@ IMPORTERS = (
 PIECES = (*_ANY, *_MODEL, *_IMPORTED, "jobs.stages.pieces", "jobs.detail", "jobs.objects", "storage.meshes.normals")
 HIERARCHY = (*PIECES, "jobs.stages.hierarchy")
 
-#: Levels are packed into shards. One module writes geometry and cells: of the latter these stages know nothing.
-_LEVELS = (*HIERARCHY, "jobs.stages.written_nodes", *_SHARDS, "storage.meshes", "storage.model.tree", "storage.writer")
-CELLS_ALONE = ("storage.cells",)
+#: Levels are packed into shards.
+_LEVELS = (
+    *HIERARCHY,
+    *_SHARDS,
+    "jobs.stages.common.written_nodes",
+    "storage.geometry_writer",
+    "storage.meshes",
+    "storage.model.tree",
+)
 SHARED = (*_LEVELS, "jobs.stages.shared")
 NODES = (*SHARED, "jobs.stages.nodes")
-TABLES = (*_LEVELS, "jobs.stages.tables", "jobs.stages.written_geometry")
+TABLES = (*_LEVELS, "jobs.stages.tables", "jobs.stages.common.written_geometry")
 
 CELLS = (
     *_ANY,
     *_SHARDS,
     "jobs.stages.cells",
-    "jobs.stages.written_geometry",
+    "jobs.stages.common.written_geometry",
     "jobs.cells",
     "jobs.visibility",
     "jobs.objects.weld",
@@ -79,18 +85,18 @@ CELLS = (
 )
 LAYOUT = (*_ANY, "jobs.stages.layout", "storage.cells.octree")
 
-#: A shard's own code joins these: see `with_imports`. Of geometry this stage knows nothing.
+#: The code that a shard is written in joins these: see `with_imports`. Others have no say.
 SHARDS = (
     *_ANY,
     *_SHARDS,
     "jobs.stages.shards",
     "storage.cells.deltas",
     "storage.cells.octree",
+    "storage.base.kernels",
     "storage.cells.spanning_forest",
     "storage.model.tables",
-    "storage.writer",
+    "storage.vlod_writer",
 )
-GEOMETRY_ALONE = ("storage.meshes", "storage.model.tree")
 CODECS = ("storage.cells.codecs",)
 
 

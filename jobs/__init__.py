@@ -4,7 +4,8 @@ Read in this order:
 
     pipeline      all of it in order: the list of stages
     stages/       the stages, one a file: their tasks and the work of each
-    parameters    what a build is asked for
+    parameters    what a build is asked for: all groups of
+    options/      parameters and the options of the command line that set them
     importing/    model files to parts
     objects/      parts to pieces, pieces to objects, and the tree above them
     detail/       levels of every node of the tree, each with a certified error

@@ -1,5 +1,5 @@
-"""The stages of a build, one a file: what decides a task's result (Payload), where its inputs lie (Places), its tasks with
-the memory that they may need, and its work, a function that runs in worker processes and imports heavy modules inside.
+"""The stages of a build, one a file: what decides a task's result (Payload), where its inputs lie (Places), its tasks
+with the memory that they may need, and its work, which runs in worker processes and imports heavy modules inside.
 
 Read in this order, in which `jobs.pipeline` lists them:
 

@@ -12,7 +12,8 @@ from jobs.cells.cuts import Leaves
 from jobs.cells.needs import triangles_needed
 from jobs.cells.parameters import CellParameters
 from jobs.cells.subtree import compute_subtree
-from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
+from jobs.options.visibility import QUALITY_NAMES
+from jobs.parameters import BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from jobs.visibility.engine import QUALITIES, EngineSettings

@@ -63,10 +63,11 @@ def uncrowded(key: int, bottom: int, parameters: CellParameters, around: Leaves)
 def cuts_of(store: Geometry, root_key: int, parameters: CellParameters, around: Leaves) -> dict[int, np.ndarray]:
     """The cuts of the cells that the task below a key may give: those that touch the view box and are not crowded."""
     bottom = bottom_of(root_key, parameters)
+    inside = around.within(root_key, parameters)
     return {
         key: cut_of(store, key, parameters, parameters.pixel_error)
         for first in first_keys(root_key, parameters)
-        for key in uncrowded(first, bottom, parameters, around)
+        for key in uncrowded(first, bottom, parameters, inside)
     }
 
 

@@ -19,10 +19,11 @@ def triangles_needed(store: Geometry, root_key: int, parameters: CellParameters,
     """
     counts = store.drawables["triangles"]
     bottom = bottom_of(root_key, parameters)
+    inside = around.within(root_key, parameters)
     used = np.zeros(len(store.drawables), np.bool_)
     largest = 0
     for top in first_keys(root_key, parameters):
-        keys = list(uncrowded(top, bottom, parameters, around))
+        keys = list(uncrowded(top, bottom, parameters, inside))
         if not keys:
             continue
         lo, hi = parameters.octree.boxes(np.array(keys, np.uint64))

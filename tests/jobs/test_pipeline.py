@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
+import jobs.pipeline
 from jobs.cells.cuts import Leaves
 from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
@@ -70,6 +72,11 @@ def test_the_report_agrees_with_the_store(built):
     assert all(stage.peak_memory >= stage.peak_task_memory * 0.9 > 0 for stage in report.stages)
     assert json.loads(report.to_text())["tasks_run"] == report.tasks_run
     assert list(store.check()) == []
+
+
+def test_the_words_on_the_pipeline_list_its_stages():
+    listed = re.findall(r"^    (\w+)  +\S.*  +\S", jobs.pipeline.__doc__, re.MULTILINE)
+    assert listed == [file.STAGE.name for file in jobs.pipeline.STAGES]
 
 
 def test_cells_tile_the_view_space(built):

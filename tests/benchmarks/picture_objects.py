@@ -24,7 +24,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from jobs.parameters import OBJECTS, BuildParameters
+from jobs.options.objects import OBJECTS
+from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath

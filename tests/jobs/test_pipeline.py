@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
-import jobs.cells.subtree
+import jobs.pipeline
+from jobs.cells.cuts import Leaves
 from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
@@ -70,6 +72,11 @@ def test_the_report_agrees_with_the_store(built):
     assert all(stage.peak_memory >= stage.peak_task_memory * 0.9 > 0 for stage in report.stages)
     assert json.loads(report.to_text())["tasks_run"] == report.tasks_run
     assert list(store.check()) == []
+
+
+def test_the_words_on_the_pipeline_list_its_stages():
+    listed = re.findall(r"^    (\w+)  +\S.*  +\S", jobs.pipeline.__doc__, re.MULTILINE)
+    assert listed == [file.STAGE.name for file in jobs.pipeline.STAGES]
 
 
 def test_cells_tile_the_view_space(built):
@@ -136,14 +143,14 @@ def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tm
 def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
     model, built, tmp_path, monkeypatch
 ):
-    crowded = jobs.cells.subtree._Leaves.crowd
+    crowded = Leaves.crowd
     seen = []
 
     def noted(*arguments):
         seen.append(crowded(*arguments))
         return False
 
-    monkeypatch.setattr("jobs.cells.subtree._Leaves.crowd", noted)
+    monkeypatch.setattr(Leaves, "crowd", noted)
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert any(seen)
     assert shards(tmp_path / "store") == shards(built[0])

@@ -1,4 +1,4 @@
-"""What tasks are keyed by: what they use, and no more."""
+"""Fragments of the tree: what their tasks are keyed by, and that the way the tree is parted changes nothing."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import jobs.plan
 from jobs.objects.fragments import Fragment
-from jobs.plan import chunks_of_fragments
 from jobs.scenes import write_scene
+from jobs.stages import nodes, pieces
+from jobs.stages.nodes import chunks_of_fragments
 from tests.jobs.built_geometry import build_geometry
 
 
@@ -32,8 +32,8 @@ def test_a_fragment_uses_the_chunks_of_its_own_leaves() -> None:
 def test_how_the_work_is_parted_changes_no_level(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_scene("plant", tmp_path / "scene.glb", 20_000, 0)
     whole = build_geometry([tmp_path / "scene.glb"], tmp_path / "whole")
-    monkeypatch.setattr(jobs.plan, "PIECES_TRIANGLES", 2000)
-    monkeypatch.setattr(jobs.plan, "NODES_TRIANGLES", 2000)
+    monkeypatch.setattr(pieces, "TRIANGLES", 2000)
+    monkeypatch.setattr(nodes, "TRIANGLES", 2000)
     parted = build_geometry([tmp_path / "scene.glb"], tmp_path / "parted")
     tasks = {report.name: report.run for report in parted.run.reports}
     assert tasks["pieces"] > 5

@@ -1,64 +1,67 @@
-"""The work on the model as a whole: its import, its pieces, and the hierarchy of its objects."""
+"""Hierarchy: pieces to objects, and the tree above them. One task, which sees boxes only."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from jobs.objects.object_options import ObjectOptions
 from jobs.running.arrays import mapped_array, save_array
-from jobs.running.tasks import Assignment, Json, content_of_arrays
+from jobs.running.memory import PROCESS
+from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
-from jobs.stages import HIERARCHY, IMPORT, PIECES
+from jobs.stages import import_model, pieces
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.import_model import imported_model
+from storage.base.typed_json import to_json
 
-if TYPE_CHECKING:
-    from jobs.detail.detail_options import DetailOptions
-    from jobs.importing.model import Model
-    from jobs.objects.object_options import ObjectOptions
+STAGE = Stage(
+    "hierarchy",
+    "jobs.stages.hierarchy:make_hierarchy",
+    code.HIERARCHY,
+    ("numpy", "numba"),
+    apart=code.IMPORTERS,
+)
 
+#: Bytes for each placed piece.
+PER_PIECE = 2000
 
-def import_files(work: Assignment) -> dict[str, Any]:
-    """Model files to parts."""
-    from jobs.importing.model import ImportOptions, import_model, open_model
-
-    options = ImportOptions(**work.payload["options"])
-    import_model([Path(path) for path in work.places["inputs"]], work.out / "model", options)
-    model = open_model(work.out / "model")
-    return {
-        "model": {
-            "digest": model.digest,
-            "triangles": int(model.triangle_count),
-            "lo": [float(value) for value in model.lo],
-            "hi": [float(value) for value in model.hi],
-            "origin": [float(value) for value in model.origin],
-            "up": model.up,
-            "unit_in_metres": model.unit_in_metres,
-        },
-        "repairs": dict(model.report),
-    }
+#: Bytes for each placed piece where `Shapes` are looked into.
+SHAPES_PER_PIECE = 400
 
 
-def imported_model(place: Workplace, key: str) -> Model:
-    """The result of an import task."""
-    from jobs.importing.model import open_model
+@dataclass(frozen=True)
+class Payload:
+    """What decides the objects and their tree."""
 
-    return open_model(place.result(IMPORT.name, key) / "model")
+    model: str  # digest
+    pieces: tuple[str, ...]  # contents of all chunks
+    options: ObjectOptions
 
 
-def find_pieces(work: Assignment) -> dict[str, Any]:
-    """Some meshes to pieces, no larger than Partition I allows."""
-    from jobs.detail.pieces import make_pieces, save_pieces
+@dataclass(frozen=True)
+class Places:
+    """Keys of the tasks whose results are read."""
 
-    model = imported_model(work.place, work.places["import"])
-    found = make_pieces(model, work.payload["meshes"], detail_options(work.payload["options"]))
-    save_pieces(work.out, found)
-    return {
-        "pieces": len(found.pieces),
-        "triangles": len(found.faces),
-        "content": content_of_arrays(found.pieces, found.faces, found.shading, found.shared_points, found.sharing),
-    }
+    model: str  # of the import
+    pieces: tuple[str, ...]
+
+
+def tasks(state: BuildState) -> Tasks:
+    """The task: clusters, objects and the tree."""
+    imported, found = state.one(import_model.STAGE), state.all(pieces.STAGE)
+    payload = Payload(
+        model=imported.record["model"]["digest"],
+        pieces=tuple(chunk.record["content"] for chunk in found),
+        options=state.parameters.objects(),
+    )
+    places = Places(imported.key, tuple(chunk.key for chunk in found))
+    count = sum(int(chunk.record["pieces"]) for chunk in found)
+    return Tasks([Task(STAGE, to_json(payload), to_json(places), PROCESS + PER_PIECE * count)])
 
 
 def make_hierarchy(work: Assignment) -> dict[str, Any]:
@@ -66,20 +69,21 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
     from jobs.detail.assemble import largest_stretch
     from jobs.objects.hierarchy import PLACED_PIECE, build_hierarchy
 
-    model = imported_model(work.place, work.places["import"])
-    tables = [np.load(work.place.result(PIECES.name, key) / "pieces.npy") for key in work.places["pieces"]]
-    pieces = np.concatenate(tables)
-    mesh_start = np.searchsorted(pieces["mesh"], np.arange(len(model.meshes) + 1))
+    payload, places = work.read(Payload, Places)
+    model = imported_model(work.place, places.model)
+    tables = [np.load(work.place.result(pieces.STAGE.name, key) / "pieces.npy") for key in places.pieces]
+    rows = np.concatenate(tables)
+    mesh_start = np.searchsorted(rows["mesh"], np.arange(len(model.meshes) + 1))
     counts = np.diff(mesh_start)[model.parts["mesh"]]
     part_start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     part = np.repeat(np.arange(len(model.parts)), counts)
     piece = np.arange(part_start[-1]) - part_start[part] + mesh_start[model.parts["mesh"]][part]
     placed = np.zeros(len(piece), PLACED_PIECE)
     placed["piece"], placed["part"] = piece, part
-    placed["triangles"], placed["outward"] = pieces["triangles"][piece], pieces["outward"][piece]
+    placed["triangles"], placed["outward"] = rows["triangles"][piece], rows["outward"][piece]
     placed["instanced"] = ~model.parts["identity"][part]
-    placed["lo"], placed["hi"] = _placed_boxes(pieces["lo"][piece], pieces["hi"][piece], model.parts["matrix"][part])
-    made = build_hierarchy(placed, object_options(work.payload["options"]), model.lo, model.hi)
+    placed["lo"], placed["hi"] = _placed_boxes(rows["lo"][piece], rows["hi"][piece], model.parts["matrix"][part])
+    made = build_hierarchy(placed, payload.options, model.lo, model.hi)
     shapes = Shapes(
         end=made.tree.end,
         leaf=made.tree.leaf,
@@ -129,7 +133,7 @@ class Shapes:
     @staticmethod
     def open(place: Workplace, key: str) -> Shapes:
         """The result of a task, mapped into memory."""
-        folder = place.result(HIERARCHY.name, key)
+        folder = place.result(STAGE.name, key)
         names = Shapes.__dataclass_fields__
         return Shapes(**{name: mapped_array(folder / f"{name}.npy") for name in names})
 
@@ -138,22 +142,6 @@ class Shapes:
         objects = np.empty(len(self.members), np.int64)
         objects[self.members] = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
         return objects
-
-
-def detail_options(payload: Json) -> DetailOptions:
-    """Options of detail from a task's payload."""
-    from jobs.detail.detail_options import DetailOptions
-    from jobs.objects.object_options import Limits
-
-    values = dict(payload)
-    return DetailOptions(partition=Limits(**values.pop("partition")), **values)
-
-
-def object_options(payload: Json) -> ObjectOptions:
-    """Options of objects from a task's payload."""
-    from jobs.objects.object_options import Clustering, Limits, ObjectOptions
-
-    return ObjectOptions(clustering=Clustering(**payload["clustering"]), again=Limits(**payload["again"]))
 
 
 def _placed_boxes(lo: np.ndarray, hi: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,8 @@ from embreex.mesh_construction import TriangleMesh
 
 #: A ray goes through at most this many backs of one-sided drawables.
 MOST_PASSES = 64
+#: Triangles of which it is found out at once to which side they face.
+SIDES_AT_ONCE = 1 << 16
 #: Rays per suspected drawable that are confirmed in double precision before it is let go.
 CONFIRMATIONS = 8
 
@@ -55,18 +57,37 @@ class _Scene:
 class Oracle:
     """All triangles of one cell's cut, ready for rays."""
 
-    def __init__(self, triangles: np.ndarray, owner: np.ndarray, one_sided: np.ndarray) -> None:
+    def __init__(
+        self,
+        triangles: np.ndarray,
+        owner: np.ndarray,
+        one_sided: np.ndarray,
+        cell: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
         """Take the cut.
 
         Args:
             triangles: (m, 3, 3) float32 corners in model units.
             owner: (m,) int64 drawable of each triangle.
             one_sided: (m,) bool: hits on the triangle's back do not count; the ray goes on.
+            cell: lo and hi (3,) float64 of the box in which all rays begin, in model units; None: they begin anywhere.
+
+        Which side of a triangle a ray meets is known from where it begins. So triangles that turn their backs to the
+        whole cell are left out, and of those that turn their fronts to all of it every hit counts.
         """
         self._triangles = triangles
         self._owner = owner
         self._one_sided = one_sided
-        self._scene = _Scene(triangles, np.arange(len(triangles)))
+        fronts, backs = ~one_sided, np.zeros(len(triangles), np.bool_)
+        if cell is not None:
+            for first in range(0, len(triangles), SIDES_AT_ONCE):
+                some = slice(first, first + SIDES_AT_ONCE)
+                in_front, behind = _sides(triangles[some], *cell)
+                fronts[some] |= in_front
+                backs[some] = behind & one_sided[some]
+        self._counting = _Scene(triangles, np.flatnonzero(fronts))
+        self._mixed = np.flatnonzero(~fronts & ~backs)
+        self._mixed_scene = _Scene(triangles, self._mixed)
         self._turned: list[_Scene] | None = None
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,13 +99,15 @@ class Oracle:
         such as that of a slab which touches a wall that the ray leaves. So rays that meet a back first are cast again,
         in scenes of which none holds two one-sided triangles that lie back to back.
         """
-        found, distance = self._scene.hit(origins, directions)
-        if not len(self._triangles):
+        found, distance = self._counting.hit(origins, directions)
+        if not len(self._mixed):
             return found, distance
-        back = self._backs(found, directions)
-        if back.any():
-            found[back], distance[back] = self._cast_through_backs(origins[back], directions[back])
-        return found, distance
+        other, along = self._mixed_scene.hit(origins, directions)
+        back = np.flatnonzero(self._backs(other, directions) & (along < distance))
+        if len(back):
+            other[back], along[back] = self._cast_through_backs(origins[back], directions[back], distance[back])
+        nearer = along < distance
+        return np.where(nearer, other, found), np.where(nearer, along, distance)
 
     def _backs(self, triangles: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) bool: which hits are on backs that do not count, of triangles (n,), -1 for none."""
@@ -93,18 +116,19 @@ class Oracle:
         back: np.ndarray = (triangles >= 0) & self._one_sided[triangles] & ((normal * directions).sum(axis=1) > 0)
         return back
 
-    def _cast_through_backs(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `cast`, scene by scene."""
+    def _cast_through_backs(
+        self, origins: np.ndarray, directions: np.ndarray, farthest: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `cast`, scene by scene, of triangles that show fronts or backs; nothing beyond `farthest` (n,)."""
         if self._turned is None:
-            corners = self._triangles.astype(np.float64)
+            corners = self._triangles[self._mixed].astype(np.float64)
             normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             axis = np.abs(normal).argmax(axis=1)
-            # the six directions into which normals point most: opposite normals never share one; 6: two-sided
+            # the six directions into which normals point most: opposite normals never share one
             turn = 2 * axis + (normal[np.arange(len(axis)), axis] < 0)
-            turn[~self._one_sided] = 6
-            self._turned = [_Scene(self._triangles, np.flatnonzero(turn == k)) for k in range(7)]
+            self._turned = [_Scene(self._triangles, self._mixed[turn == k]) for k in range(6)]
         nearest = np.full(len(origins), -1, np.int64)
-        distance = np.full(len(origins), np.inf)
+        distance = farthest.copy()
         for scene in self._turned:
             waiting = np.arange(len(origins))
             gone = np.zeros(len(origins))
@@ -121,6 +145,7 @@ class Oracle:
                 waiting = waiting[ahead]
                 if not len(waiting):
                     break
+        distance[nearest < 0] = np.inf
         return nearest, distance
 
     @cached_property
@@ -156,6 +181,21 @@ class Oracle:
         scale = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max())) / max(float(np.abs(d).max()), 1e-300)
         blocked = (met & counts & (at >= 0) & (at <= t[0] + (scale if alone else -scale))).any()
         return float("nan") if blocked else float(t[0])
+
+
+def _sides(triangles: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of triangles (m, 3, 3) float32: which show only fronts, and which only backs, to all of a box lo to hi (3,).
+
+    Two arrays (m,) bool; both False where the box reaches through a triangle's plane, or rounding leaves it open.
+    """
+    corners = triangles.astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.abs(normal)
+    middle, half = (lo + hi) / 2, (hi - lo) / 2
+    above = ((middle - corners[:, 0]) * normal).sum(axis=1)
+    farthest = max(float(np.abs(triangles).max(initial=0.0)), float(np.abs(lo).max()), float(np.abs(hi).max()))
+    reach = size @ half + size.sum(axis=1) * (1e-9 * farthest)
+    return above > reach, above < -reach
 
 
 def _intersect(

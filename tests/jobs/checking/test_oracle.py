@@ -147,3 +147,21 @@ def test_where_nothing_is_nothing_is_seen() -> None:
     found, distance = oracle.cast(np.zeros((5, 3), np.float32), np.ones((5, 3), np.float32))
     assert (found == -1).all()
     assert np.isinf(distance).all()
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**9))
+def test_knowing_the_cell_changes_no_hit(seed: int) -> None:
+    """Triangles that turn their backs to the cell are left out, and those that turn their fronts to it never are."""
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(-3, 4, (200, 1, 3))
+    triangles = (centres + rng.normal(0, 0.6, (200, 3, 3))).astype(np.float32)
+    owner, one_sided = np.arange(200), rng.random(200) < 0.8
+    origins = surface_points(LO, HI, 300, rng)
+    directions = rng.normal(size=(300, 3)).astype(np.float32)
+    anywhere, here = (Oracle(triangles, owner, one_sided, cell) for cell in (None, (LO, HI)))
+    found, distance = anywhere.cast(origins, directions)
+    again, along = here.cast(origins, directions)
+    np.testing.assert_array_equal(found, again)
+    np.testing.assert_allclose(distance, along, rtol=1e-6)
+    assert (found >= 0).any()

@@ -9,6 +9,7 @@ Read in this order:
     deltas      every change between cells against the vLODs of both
     detail      the cut of a cell: the whole model, fine enough
     turned      which triangles of a cell's vLOD are not drawn, being turned away
-    rays        rays from a cell into its cut
-    oracle      what these rays meet, and whether that stands up in double precision
+    rays        rays from sampled cells
+    cut_oracle  what they can meet: the cell's cut, in portions that fit into memory
+    oracle      what they meet, and whether that stands up in double precision
 """

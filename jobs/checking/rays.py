@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.checking.oracle import Oracle, Sight, examine
+from jobs.checking.cut_oracle import CutOracle
+from jobs.checking.oracle import Sight, examine
 from jobs.checking.report import CellFindings, Problems
 from jobs.checking.workers import Place
 from storage.base.errors import CorruptStoreError
@@ -31,7 +32,7 @@ class Seen(NamedTuple):
 
 
 def cast_rays(place: Place, sample: Sample) -> Seen:
-    """Casts rays from one cell. Holds the triangles of the cell's cut, as they are and as Embree holds them.
+    """Casts rays from one cell.
 
     What they see and the vLOD misses is a problem, unless the store may miss something.
     """
@@ -50,20 +51,10 @@ def _cast(place: Place, sample: Sample) -> tuple[CellFindings, list[Sight]]:
     """What rays from one cell found, and what they saw that is not drawn: 2 d + 1 for what is turned away of d."""
     began = time.perf_counter()
     store, cell = place.store, sample.cell
-    cut, vlod = store.cut(cell), store.vlod(cell)
-    row = store.cells[cell]
-    surfaces = store.surfaces(cut)
-    triangles = (surfaces.points[surfaces.triangles] * store.grid.step).astype(np.float32)
-    # what is drawn of a drawable d is one thing, 2 d; what is not drawn, being turned away, another: 2 d + 1
-    thing = np.repeat(2 * cut, surfaces.triangle_counts)
-    thing[np.repeat(np.isin(cut, vlod), surfaces.triangle_counts)] += place.turned.of(vlod, row["lo"], row["hi"])
-    del surfaces
-    order = np.argsort(thing, kind="stable")
-    triangles, thing = triangles[order], thing[order]
-    del order
-    oracle = Oracle(triangles, thing, store.drawables["one_sided"][thing // 2], (row["lo"], row["hi"]))
+    vlod, row = store.vlod(cell), store.cells[cell]
+    oracle = CutOracle(place, cell)
     rng = np.random.default_rng([sample.seed, int(row["key"])])
-    found = examine(oracle, thing, triangles, row["lo"], row["hi"], 2 * vlod, sample.rays, rng)
+    found = examine(oracle, row["lo"], row["hi"], oracle.reported, sample.rays, rng)
     counts = store.drawables["triangles"].astype(np.int64)
     seen = np.unique(found.seen // 2)
     findings = CellFindings(

@@ -13,9 +13,9 @@ from jobs.checking.oracle import Oracle, distance_to
 from jobs.checking.workers import Place
 
 #: Triangles of a portion; more where one drawable has more.
-PORTION = 1 << 18
+PORTION = 1 << 17
 #: Triangles of the portions that are held.
-HELD = 1 << 20
+HELD = 1 << 19
 #: Triangles that are placed at once.
 AT_ONCE = 1 << 16
 

@@ -23,16 +23,17 @@ from tests.storage.tiny_store import TinyPart, box_part, make_geometry
 
 #: Cells of a shard: those of a subtree of three levels.
 SHARD = 512
-#: What stands in a room: lower and upper corners in a room of 4 x 4 x 4, each one mesh for all rooms.
+#: What stands in a room, each one mesh for all rooms: lower and upper corners in a room of 4 x 4 x 4, and how many
+#: squares there are along an edge.
 THINGS = {
-    "floor": ((0.0, 0.0, 0.0), (4.0, 4.0, 0.2)),
-    "wall": ((0.0, 0.0, 0.2), (3.0, 0.2, 4.0)),
-    "side": ((0.0, 0.2, 0.2), (0.2, 3.0, 4.0)),
-    "table": ((1.5, 1.5, 0.9), (3.0, 2.5, 1.0)),
-    "chair": ((2.0, 1.0, 0.2), (2.4, 1.4, 1.1)),
-    "shelf": ((3.5, 0.5, 0.2), (3.9, 2.5, 2.5)),
-    "lamp": ((2.0, 2.0, 3.6), (2.3, 2.3, 3.9)),
-    "box": ((0.5, 3.0, 0.2), (0.9, 3.4, 0.6)),
+    "floor": ((0.0, 0.0, 0.0), (4.0, 4.0, 0.2), 2),
+    "wall": ((0.0, 0.0, 0.2), (3.0, 0.2, 4.0), 1),
+    "side": ((0.0, 0.2, 0.2), (0.2, 3.0, 4.0), 1),
+    "table": ((1.5, 1.5, 0.9), (3.0, 2.5, 1.0), 1),
+    "chair": ((2.0, 1.0, 0.2), (2.4, 1.4, 1.1), 1),
+    "shelf": ((3.5, 0.5, 0.2), (3.9, 2.5, 2.5), 2),
+    "lamp": ((2.0, 2.0, 3.6), (2.3, 2.3, 3.9), 1),
+    "box": ((0.5, 3.0, 0.2), (0.9, 3.4, 0.6), 1),
 }
 
 
@@ -57,8 +58,8 @@ def make_tower(root: Path, tower: Tower, tell: Callable[[int, int], None] = lamb
     rooms = np.array([(x, y, z) for z in range(tower.floors) for y in range(side) for x in range(side)])
     places = [np.column_stack([np.eye(3), 4.0 * room]) for room in rooms]
     parts: list[TinyPart] = [
-        box_part(f"{name} {copy}", np.add(lo, 0.01 * copy), np.add(hi, 0.01 * copy), segments=(1,), matrices=places)
-        for name, (lo, hi) in THINGS.items()
+        box_part(f"{name} {copy}", np.add(lo, 0.01 * copy), np.add(hi, 0.01 * copy), segments=(cuts,), matrices=places)
+        for name, (lo, hi, cuts) in THINGS.items()
         for copy in range(tower.copies)
     ]
     section, octree, model = make_geometry(root, parts)

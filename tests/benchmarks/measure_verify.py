@@ -5,7 +5,8 @@
 
 The store is a tower of rooms (`tests.jobs.checking.tower_store`), 20,480 cells by default, made anew unless --store is
 there. Each number of workers is measured in a process of its own. Memory is the largest of all processes at its peak
-until the part's end; cores are the processor time of all of them over the time that passed.
+until the part's end; cores are the processor time of all of them over the time that passed, less where the machine is
+in use otherwise.
 """
 
 from __future__ import annotations
@@ -36,9 +37,14 @@ class Part:
     name: str
     note: str
     seconds: float
+    processor_seconds: float  # of all processes
     peak_memory: int  # bytes
     processes: int
-    cores: float
+
+    @property
+    def cores(self) -> float:
+        """How many were at work, on average."""
+        return self.processor_seconds / max(self.seconds, 1e-9)
 
 
 class Parts(Silent):
@@ -57,10 +63,9 @@ class Parts(Silent):
         """See `Progress.finish`."""
         self._watch.look()
         seconds = time.perf_counter() - self._began
-        cores = (self._watch.seconds - self._used) / max(seconds, 1e-9)
-        processes = len(self._watch.processes)
+        used, watch = self._watch.seconds - self._used, self._watch
         self.measured.append(
-            Part(self._workers, self._step, note, round(seconds, 2), self._watch.peak, processes, round(cores, 2))
+            Part(self._workers, self._step, note, round(seconds, 2), round(used, 2), watch.peak, len(watch.processes))
         )
 
 
@@ -75,8 +80,8 @@ def measure(store: str, workers: int, cells: int, samples: int) -> list[Part]:
 def say(part: Part) -> None:
     """Print one part."""
     print(
-        f"{part.workers} workers  {part.name:<10} {part.seconds:7.1f} s  {part.peak_memory / 2**20:6.0f} MiB  "
-        f"{part.cores:4.2f} cores  {part.processes} processes  {part.note}",
+        f"{part.workers} workers  {part.name:<10} {part.seconds:7.1f} s, {part.processor_seconds:7.1f} s of processors "
+        f"({part.cores:4.2f} cores), {part.peak_memory / 2**20:6.0f} MiB, {part.processes} processes: {part.note}",
         flush=True,
     )
 

@@ -89,7 +89,7 @@ def build(
 )
 @click.option("--cells", type=click.IntRange(min=0), default=100, show_default=True, help="Cells to sample.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the sampling.")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes that cast rays.  [default: one for each core]")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes that work.  [default: one for each core]")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def verify(
@@ -102,13 +102,9 @@ def verify(
 
     try:
         with progress_for() as progress:
-            progress.start("verify")
-            report = verify_store(
-                store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress.update
-            )
-            progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
+            report = verify_store(store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress)
     except CorruptStoreError as error:
-        # So damaged that it cannot even be opened: for this command that is a failed check, not wrong usage.
+        # Its manifest is damaged, so there is no telling what it is: for this command a failed check, not wrong usage.
         click.echo(json.dumps({"store": store, "ok": False, "problems": [str(error)]}, indent=1) if as_json else error)
         context.exit(1)
     if as_json:
@@ -165,6 +161,8 @@ def _print_verification(report: dict[str, Any]) -> None:
 
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")
+    if report["unreadable_cells"]:
+        table.add_row("cells in damaged shards", f"{report['unreadable_cells']:,}")
     table.add_row("boundaries checked", f"{report['boundaries']:,}")
     table.add_row("cells sampled", f"{report['sampled_cells']:,}")
     table.add_row("rays", f"{report['rays']:,}")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from storage.base.errors import StoreError
 from storage.shards.manifest import FILE, Manifest, from_bytes
 from storage.shards.shard_files import ShardFiles
-from storage.shards.shards import shard_path
+from storage.shards.shards import ShardRecord, shard_path
 
 
 class Problem(NamedTuple):
@@ -33,15 +33,18 @@ def problems(shards: ShardFiles, manifest: Manifest) -> Iterator[Problem]:
     except StoreError as error:
         yield Problem(FILE, str(error))
     for _, record in manifest.shards():
-        path = shard_path(record.name)
-        try:
-            size = shards.files.size(path)
-            if size is not None and size != record.bytes:
-                yield Problem(
-                    path, f"{path} has {size} bytes, not {record.bytes}; copy it again or run the build again"
-                )
-                continue
-            for what in shards.reader(record).problems():
-                yield Problem(path, what)
-        except StoreError as error:
-            yield Problem(path, str(error))
+        yield from problems_of_shard(shards, record)
+
+
+def problems_of_shard(shards: ShardFiles, record: ShardRecord) -> Iterator[Problem]:
+    """Reads every byte of one shard and yields what is wrong with it. Holds one shard in memory."""
+    path = shard_path(record.name)
+    try:
+        size = shards.files.size(path)
+        if size is not None and size != record.bytes:
+            yield Problem(path, f"{path} has {size} bytes, not {record.bytes}; copy it again or run the build again")
+            return
+        for what in shards.reader(record).problems():
+            yield Problem(path, what)
+    except StoreError as error:
+        yield Problem(path, str(error))

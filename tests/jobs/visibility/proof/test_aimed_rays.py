@@ -297,8 +297,8 @@ def test_what_is_proven_many_rays_see_as_well_and_little_is_undecided(seed: int)
     hi = lo + 300
     found = Engine(soup, EngineSettings(resolution=64)).visible_from(lo, hi, soup.drawables)
     assert found is not None
-    oracle, owner, corners = oracle_of(soup)
-    seen = examine(oracle, owner, corners, lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
+    oracle, _, _ = oracle_of(soup)
+    seen = examine(oracle, lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
     for drawable in set(found.proven.tolist()) - set(seen.tolist()):
         assert seen_from_corners(soup, drawable, lo, hi, 5000)
     assert len(found.proven) >= 0.9 * len(seen)

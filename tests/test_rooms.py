@@ -1,4 +1,4 @@
-"""Rooms and modules of a package build on each other one way: no circle of imports, at any depth of the tree."""
+"""Rooms: each says what lies in it and is no heap, and they build on each other one way, at any depth of the tree."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ PACKAGES = sorted(
 )
 #: Where the order of reading is the order of building: each line of `__init__` stands on those above it alone.
 IN_ORDER = [name for name in PACKAGES if re.match(r"jobs\.(visibility|detail)\b", name)]
+
+
+#: Files beside each other in one room, `__init__` left out: as many as a newcomer takes in at a look.
+FILES_IN_A_ROOM = 11
 
 
 def folder_of(package: str) -> Path:
@@ -55,6 +59,23 @@ def builds_on(package: str) -> dict[str, set[str]]:
     return needs
 
 
+def order_of(package: str) -> list[str]:
+    """What a package's `__init__` lists, in its order: modules, and the rooms in it with a slash behind."""
+    told = ast.get_docstring(ast.parse((folder_of(package) / "__init__.py").read_text())) or ""
+    return re.findall(r"^ {4}(\w+/?) {2,}\S", told, re.MULTILINE)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_room_says_what_lies_in_it(package: str) -> None:
+    there = [name + ("/" if (folder_of(package) / name).is_dir() else "") for name in members(package)]
+    assert sorted(order_of(package)) == sorted(there)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_room_is_a_heap(package: str) -> None:
+    assert len([name for name in members(package) if not (folder_of(package) / name).is_dir()]) <= FILES_IN_A_ROOM
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_circle_of_imports(package: str) -> None:
     try:
@@ -65,9 +86,7 @@ def test_no_circle_of_imports(package: str) -> None:
 
 @pytest.mark.parametrize("package", IN_ORDER)
 def test_what_is_read_first_is_built_on(package: str) -> None:
-    told = ast.get_docstring(ast.parse((folder_of(package) / "__init__.py").read_text())) or ""
-    order = re.findall(r"^ {4}(\w+)/? {2,}\S", told, re.MULTILINE)
-    assert sorted(order) == members(package)
+    order = [name.removesuffix("/") for name in order_of(package)]
     needs = builds_on(package)
     for place, name in enumerate(order):
         assert needs[name] <= set(order[:place]), f"{package}: {name} stands above what it imports"

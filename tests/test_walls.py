@@ -6,8 +6,6 @@ jobs  ──►  storage  ◄──  player
 from __future__ import annotations
 
 import ast
-import graphlib
-import re
 import subprocess
 import sys
 import time
@@ -57,50 +55,6 @@ def test_who_never_imports_whom(package, forbidden):
     for module in IMPORTS:
         if module.split(".")[0] == package:
             assert imports_any(module, forbidden) == [], module
-
-
-ROOMS = sorted({path.parent for path in MODULES})
-
-#: Files beside each other in one room, `__init__` left out: as many as a newcomer takes in at a look.
-FILES_IN_A_ROOM = 11
-
-
-def contents_of(room):
-    """What a room's `__init__` has to name: its modules, and the rooms in it with a slash behind."""
-    modules = [path.stem for path in room.glob("*.py") if path.stem != "__init__"]
-    return modules + [f"{inner.name}/" for inner in room.iterdir() if (inner / "__init__.py").exists()]
-
-
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
-def test_every_room_says_what_lies_in_it(room):
-    said = ast.get_docstring(ast.parse((room / "__init__.py").read_text())) or ""
-    listed = re.findall(r"^ +([a-z_0-9]+/?)  +\S", said, re.MULTILINE)
-    assert sorted(listed) == sorted(contents_of(room))
-
-
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
-def test_no_room_is_a_heap(room):
-    assert len(list(room.glob("*.py"))) - 1 <= FILES_IN_A_ROOM
-
-
-def test_rooms_form_no_circle():
-    """Rooms beside each other, and the modules beside them, know each other one way only: at every depth."""
-    for room in ROOMS:
-        prefix = name_of(room / "__init__.py")
-        knows = {}
-        for module, imported in IMPORTS.items():
-            if module.startswith(f"{prefix}."):
-                here = module.removeprefix(f"{prefix}.").split(".")[0]
-                there = {
-                    found.removeprefix(f"{prefix}.").split(".")[0]
-                    for found in imported & IMPORTS.keys()
-                    if found.startswith(f"{prefix}.")
-                }
-                knows.setdefault(here, set()).update(there - {here})
-        try:
-            tuple(graphlib.TopologicalSorter(knows).static_order())
-        except graphlib.CycleError as error:
-            pytest.fail(f"{prefix}: {' <- '.join(error.args[1])}")
 
 
 def test_one_module_knows_ray():

@@ -74,6 +74,7 @@ DRAWABLE = np.dtype(
         ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
         ("hi", "<f4", (3,)),
         ("one_sided", "?"),  # only fronts count: see storage.meshes.facets
+        ("see_through", "?"),  # all its triangles have an alpha below 255, and hide nothing; else none has
     ]
 )
 

@@ -120,7 +120,8 @@ def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[GeometrySectio
                 box = placed[mesh][placement]
                 row["lo"] = np.nextafter((box[0] - 2 * grid.step).astype(np.float32), np.float32(-np.inf))
                 row["hi"] = np.nextafter((box[1] + 2 * grid.step).astype(np.float32), np.float32(np.inf))
-                row["one_sided"] = part.one_sided
+                row["see_through"] = part.colour[3] < 255
+                row["one_sided"] = part.one_sided and not row["see_through"]
                 drawables.append(row)
             node["lo"], node["hi"] = row["lo"], row["hi"]
             nodes.append(node)

@@ -1,8 +1,7 @@
 """Reader of Wavefront OBJ files with their material libraries (.obj, .mtl).
 
 A part is a group: faces under the same `o` and `g` names, wherever they stand in the file; a file without either is one
-part. Faces of a part keep the file's order and are split into fans of triangles: a part's face numbers count those
-triangles. Vertices are split where position, texture coordinates, normal or material differ.
+part. Faces of a part keep the file's order and are split into triangles: a part's face numbers count those triangles. Vertices are split where position, texture coordinates, normal or material differ.
 
 Read here and not by trimesh, which sorts faces by material, drops group names, resolves relative indices against the
 whole file, wraps or fails on indices out of range, and says nothing of missing libraries and textures. The file is read
@@ -23,10 +22,11 @@ import numpy as np
 from jobs.importing.formats.format import Format
 from jobs.importing.formats.obj_materials import Material, named_textures, read_materials
 from jobs.importing.reading.content import Content
-from jobs.importing.reading.corners import fan, unify
+from jobs.importing.reading.corners import unify
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.needs import image_needs
 from jobs.importing.reading.numbers import integers_of, rows_of, table_of
+from jobs.importing.reading.polygons import triangulate
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
@@ -381,8 +381,10 @@ def _mesh(
     """
     defects = {Defect.POLYGON: int(np.count_nonzero(part.counts < 3))}
     surfaces = [materials.get(name) for name in names]
-    material = np.repeat(part.materials, np.maximum(part.counts - 2, 0))
-    corners = part.corners[fan(part.counts).reshape(-1)].astype(np.int64)
+    cut = triangulate(vertices.positions, part.corners[:, 0], part.counts)
+    defects[Defect.CROSSING] = cut.crossing
+    material = np.repeat(part.materials, cut.counts)
+    corners = part.corners[cut.corners.reshape(-1)].astype(np.int64)
     sizes = (len(vertices.positions), len(vertices.places), len(vertices.normals))
     position, place, normal = (np.where(corners[:, i] < size, corners[:, i], -1) for i, size in enumerate(sizes))
     which = np.repeat(material, 3)

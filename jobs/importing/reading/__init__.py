@@ -8,6 +8,7 @@ Read in this order:
     resources       the other files that a model file names: only those inside its own folder
     numbers         numbers in text
     corners         corners of faces become triangles and vertices
+    polygons        polygons become triangles that cover what their outlines enclose
     equal_rows      rows of an array that are equal
     vertex_colours  materials and textures become vertex colours
     needs           what readers need of memory

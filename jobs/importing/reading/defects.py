@@ -24,6 +24,7 @@ class Defect(StrEnum):
     NORMAL = "normals without direction"
     NOT_TRIANGLES = "points, lines and other primitives without triangles"
     POLYGON = "faces with fewer than three corners"
+    CROSSING = "faces whose outline crosses itself"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

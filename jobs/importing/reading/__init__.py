@@ -10,5 +10,7 @@ Read in this order:
     corners         corners of faces become triangles and vertices
     equal_rows      rows of an array that are equal
     vertex_colours  materials and textures become vertex colours
+    texture_alpha   the alpha of a texture over whole triangles: least, mean, greatest
+    see_through     which triangles can be seen through
     needs           what readers need of memory
 """

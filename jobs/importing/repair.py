@@ -1,9 +1,10 @@
 """Defects of one mesh are removed and counted.
 
-Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), without
-area, and faces whose corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are
-counted on their own: exporters that double every face to show both its sides write them, and since surfaces are drawn
-from both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices
+Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), with an
+alpha of 0 at all corners (readers make it so where nothing of a face is to be seen), without area, and faces whose
+corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
+exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
+second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices
 that are equal in position, normal and colour become one.
 """
 
@@ -44,6 +45,8 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
     bad_position: np.ndarray = np.any(~(np.abs(positions) <= FARTHEST), axis=1)
     if bad_position.any():
         drop(np.any(bad_position[triangles], axis=1), Defect.NOT_FINITE)
+    if mesh.colours is not None and (invisible := mesh.colours[:, 3] == 0).any():
+        drop(np.all(invisible[triangles], axis=1), Defect.INVISIBLE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
         same, reverse = _repeated(positions, triangles)

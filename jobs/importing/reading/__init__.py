@@ -11,5 +11,7 @@ Read in this order:
     polygons        polygons become triangles that cover what their outlines enclose
     equal_rows      rows of an array that are equal
     vertex_colours  materials and textures become vertex colours
+    texture_alpha   the alpha of a texture over whole triangles: least, mean, greatest
+    see_through     which triangles can be seen through
     needs           what readers need of memory
 """

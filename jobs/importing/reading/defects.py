@@ -11,6 +11,7 @@ class Defect(StrEnum):
 
     INDEX = "faces with an index out of range"
     NOT_FINITE = "faces with a position that is not finite"
+    INVISIBLE = "invisible faces"
     NO_AREA = "faces without area"
     DUPLICATE = "duplicate faces"
     REVERSED = "duplicate faces of opposite winding"

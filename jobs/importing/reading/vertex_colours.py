@@ -13,6 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from jobs.importing.reading.texture_alpha import TextureAlpha, Wrap
+
 #: What is drawn where a file names no colour: opaque light grey.
 DEFAULT_COLOUR = (204, 204, 204, 255)
 
@@ -93,6 +95,19 @@ class Texture:
         return Texture(pixels) if pixels.size else None
 
     @cached_property
+    def alpha(self) -> TextureAlpha:
+        """The image's alpha, to be asked for whole triangles."""
+        return TextureAlpha(self.pixels[..., 3])
+
+    def opaque(self) -> Texture:
+        """The same image without its alpha: what lies where it cannot be seen has its own colour too."""
+        if self.alpha.opaque:
+            return self
+        pixels = self.pixels.copy()
+        pixels[..., 3] = 255
+        return Texture(pixels)
+
+    @cached_property
     def _levels(self) -> list[np.ndarray]:
         """The image and its halvings, colours weighted by alpha."""
         levels = [self.pixels]
@@ -112,9 +127,11 @@ class Texture:
             levels.append(np.rint(plain).astype(np.uint8))
         return levels
 
-    def sample(self, places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    def sample(
+        self, places: np.ndarray, triangles: np.ndarray, wrap: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT)
+    ) -> np.ndarray:
         """Colours (n, 4) uint8 at texture coordinates `places` (n, 2): (0, 0) is the image's top left corner, (1, 1)
-        its bottom right; outside it repeats. `triangles` (m, 3) index `places`.
+        its bottom right; `wrap` is how it goes on across and down. `triangles` (m, 3) index `places`.
         """
         places = np.nan_to_num(np.asarray(places, np.float64), nan=0.0, posinf=0.0, neginf=0.0)
         size = np.array([self.pixels.shape[1], self.pixels.shape[0]], np.float64)
@@ -128,7 +145,8 @@ class Texture:
         )
         width = np.bincount(flat, np.repeat(widths, 3), minlength=len(places)) / np.maximum(users, 1)
         inside = places + (middle / np.maximum(users, 1)[:, None] - places) * (_INSIDE * (users > 0))[:, None]
-        inside -= np.floor(inside)
+        for axis in range(2):
+            inside[:, axis] = _wrapped(inside[:, axis], wrap[axis])
         level = np.clip(np.frexp(np.maximum(width * _FOOTPRINT, 1.0))[1] - 1, 0, len(self._levels) - 1)
         colours = np.zeros((len(places), 4), np.uint8)
         for number in np.unique(level):
@@ -138,6 +156,15 @@ class Texture:
             row = np.minimum((inside[at, 1] * image.shape[0]).astype(np.int64), image.shape[0] - 1)
             colours[at] = image[row, column]
         return colours
+
+
+def _wrapped(places: np.ndarray, wrap: Wrap) -> np.ndarray:
+    """Texture coordinates (n,) of one axis where the image itself shows the same, 0 to 1."""
+    if wrap is Wrap.CLAMP:
+        return np.clip(places, 0.0, 1.0)
+    if wrap is Wrap.MIRROR:
+        return 1.0 - np.abs(places - 2.0 * np.floor(places / 2.0) - 1.0)
+    return places - np.floor(places)
 
 
 def tint(sampled: np.ndarray, colour: np.ndarray) -> np.ndarray:

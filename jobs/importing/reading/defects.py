@@ -25,7 +25,12 @@ class Defect(StrEnum):
     NORMAL = "normals without direction"
     NOT_TRIANGLES = "points, lines and other primitives without triangles"
     POLYGON = "faces with fewer than three corners"
-    CROSSING = "faces whose outline crosses itself"
+    CROSSING = "outlines that cross themselves"
+    FREE_FORM = "free-form curves and surfaces"
+    UNKNOWN = "statements and elements that are not known"
+    TRAILING = "bytes after the last facet"
+    TRANSFORM = "parts left out for a transform that cannot be read"
+    FAR = "parts far from all else"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

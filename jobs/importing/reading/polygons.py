@@ -34,6 +34,10 @@ _CROSSING = 1e-6
 _MOST_EDGES = 1 << 10
 
 
+#: The two ways to split a quad.
+_DIAGONALS = (np.array([[0, 1, 2], [0, 2, 3]]), np.array([[1, 2, 3], [1, 3, 0]]))
+
+
 class Triangles(NamedTuple):
     """What polygons become, in their order."""
 
@@ -76,9 +80,9 @@ def cut_outlines(points: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, 
     if flat is None:
         return np.empty((0, 3), np.int64), False
     if len(points) == 4 and len(sizes) == 1:
-        other = np.array([[1, 2, 3], [1, 3, 0]])
-        if (_areas(flat, other) >= 0).all():
-            return other, True
+        split = max(_DIAGONALS, key=lambda pair: float(_areas(flat, pair).min()))
+        areas = _areas(flat, split)
+        return split.copy(), float(areas.min()) >= -_SEAM * float(areas.sum())
     cut = mapbox_earcut.triangulate_float64(flat, np.cumsum(sizes).astype(np.uint32)).astype(np.int64).reshape(-1, 3)
     areas = _areas(flat, cut)
     cut[areas < 0] = cut[areas < 0, ::-1]

@@ -65,7 +65,8 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:  # 
     end = text.find(b"\n", words[wanted - 1].end())
     end = end if end >= 0 else len(text)
     # the count of edges says nothing, and some writers leave it out
-    edges = len(words) > wanted and (words[wanted].start() < end or b"\n" in text[words[0].end() : words[-2].start()])
+    between = text[words[wanted - 2].end() : words[wanted - 1].start()]
+    edges = len(words) > wanted and (words[wanted].start() < end or b"\n" in between)
     body = text[words[wanted].end() if edges else end :]
     flat, rest = 3 + bool(head[4]), (3 * bool(head[3]), 2 * bool(head[1]))
     table, found = _body(file, body, vertices, faces, flat + sum(rest), bool(head[2]))

@@ -13,7 +13,8 @@ Characterization of Ten Hidden-Surface Algorithms, ACM Computing Surveys 6 (1974
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import mapbox_earcut
@@ -46,24 +47,41 @@ class Triangles(NamedTuple):
     crossing: int  # outlines that cross themselves
 
 
-def triangulate(positions: np.ndarray, corners: np.ndarray, counts: np.ndarray) -> Triangles:
+def triangulate(
+    positions: np.ndarray,
+    corners: np.ndarray,
+    counts: np.ndarray,
+    holes: Mapping[int, int] = MappingProxyType({}),
+    *,
+    fans: bool = False,
+) -> Triangles:
     """Triangles of polygons of `counts` (f,) corners, whose corners lie one after another.
 
-    `corners` (c,) index `positions` (n, 3) float64. Polygons of fewer than three corners give no triangle; those with
-    an index out of range or a position that is not finite stay fans, for the repair to remove.
+    `corners` (c,) index `positions` (n, 3) float64. So many of the polygons that follow one are `holes` in it, by its
+    number; they give no triangles of their own. Polygons of fewer than three corners give no triangle; those with an
+    index out of range or a position that is not finite stay fans, for the repair to remove. `fans`: they are fans by
+    what the format says, whatever their outlines.
     """
     counts = np.asarray(counts, np.int64)
     triangles, each = fan(counts), np.maximum(counts - 2, 0)
     many = np.flatnonzero(counts >= 4)
-    if not len(many) or not len(positions):
+    if fans or not len(positions) or not (len(many) or holes):
         return Triangles(triangles, each, 0)
     firsts = np.cumsum(each) - each
-    wrong = many[_turns_back(positions, corners, triangles, firsts[many], each[many])]
+    wrong = many[_turns_back(positions, corners, triangles, firsts[many], each[many])] if len(many) else many
     starts = np.cumsum(counts) - counts
     pieces: dict[int, np.ndarray] = {}
+    rings = {face: 1 + number for face, number in holes.items() if number}
+    for face, number in rings.items():
+        pieces.update({hole: np.empty((0, 3), np.int64) for hole in range(face + 1, face + number)})
     crossing = 0
-    for face, start, size in zip(wrong.tolist(), starts[wrong].tolist(), counts[wrong].tolist(), strict=True):
-        cut, whole = cut_outlines(positions[corners[start : start + size]], [size])
+    for face in sorted({*wrong.tolist(), *rings} - pieces.keys()):
+        sizes = counts[face : face + rings.get(face, 1)].tolist()
+        start = int(starts[face])
+        index = corners[start : start + sum(sizes)]
+        if ((index < 0) | (index >= len(positions))).any() or not np.isfinite(positions[index]).all():
+            continue
+        cut, whole = cut_outlines(positions[index], sizes)
         crossing += not whole
         if len(cut):
             pieces[face] = cut + start

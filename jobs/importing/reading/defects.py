@@ -31,6 +31,7 @@ class Defect(StrEnum):
     TRAILING = "bytes after the last facet"
     TRANSFORM = "parts left out for a transform that cannot be read"
     FAR = "parts far from all else"
+    FAR_FACES = "faces far from all else"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

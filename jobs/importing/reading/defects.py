@@ -25,6 +25,7 @@ class Defect(StrEnum):
     NORMAL = "normals without direction"
     NOT_TRIANGLES = "points, lines and other primitives without triangles"
     POLYGON = "faces with fewer than three corners"
+    HIDDEN = "parts that the file hides"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

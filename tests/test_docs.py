@@ -9,7 +9,7 @@ import pytest
 
 from jobs import commands as jobs_commands
 from jobs import plan
-from jobs.importing.formats.gltf_file import TEXTURES_KEPT
+from jobs.importing.formats.gltf.textures import TEXTURES_KEPT
 from jobs.running.memory import TASK_MEMORY
 from storage.base.amounts import format_size, parse_size
 

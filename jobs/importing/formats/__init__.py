@@ -7,7 +7,7 @@ Read in this order:
     off_file         OFF: the shortest reader, to learn from
     stl_file         STL
     ply_file         PLY
-    gltf_file        glTF and GLB: meshes are read one by one
+    gltf/            glTF and GLB: meshes are read one by one
     obj_file         OBJ: in chunks of lines
     obj_materials    its material libraries
     dae_file         COLLADA

@@ -32,6 +32,7 @@ class Defect(StrEnum):
     TRANSFORM = "parts left out for a transform that cannot be read"
     FAR = "parts far from all else"
     FAR_FACES = "faces far from all else"
+    HIDDEN = "parts that the file hides"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

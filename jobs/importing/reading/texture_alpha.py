@@ -204,12 +204,15 @@ def _over(
                     inside = left >= u0 - _TOUCH and right <= u1 + _TOUCH
                     inside = inside and upper >= v0 - _TOUCH and lower <= v1 + _TOUCH
                     outside = False
+                    share = (min(right, u1) - max(left, u0)) / (right - left)
+                    share *= (min(lower, v1) - max(upper, v0)) / (lower - upper)
                     for k in range(edges):
                         a, b, c = lines[k, 0], lines[k, 1], lines[k, 2]
                         most = a * (right if a > 0 else left) + b * (lower if b > 0 else upper) + c
                         fewest = a * (left if a > 0 else right) + b * (upper if b > 0 else lower) + c
                         outside = outside or most <= _TOUCH
                         inside = inside and fewest >= -_TOUCH
+                        share = min(share, most / (most - fewest))
                     if outside:
                         continue
                     if level == 0:
@@ -220,7 +223,7 @@ def _over(
                         lo, hi, part = int(least[at]), int(greatest[at]), float(total[at])
                     settled = lo >= low and hi <= high and side <= fine
                     if inside or level == 0 or settled:
-                        share = 1.0 if inside else 0.5
+                        share = 1.0 if inside else max(share, _TOUCH)
                         if inside or level == 0:
                             low, high = min(low, lo), max(high, hi)
                         sums += share * part
@@ -237,5 +240,6 @@ def _over(
             i, j = int((x[0] + x[1] + x[2]) / 3) % width, int((y[0] + y[1] + y[2]) / 3) % height
             low = high = int(alpha[j, i])
             sums, weight = float(low), 1.0
-        found_least[t], found_greatest[t], found_mean[t] = low, high, sums / weight
+        found_least[t], found_greatest[t] = low, high
+        found_mean[t] = min(max(sums / weight, float(low)), float(high))
     return found_least, found_mean, found_greatest

@@ -99,6 +99,12 @@ class Texture:
         """The image's alpha, to be asked for whole triangles."""
         return TextureAlpha(self.pixels[..., 3])
 
+    @cached_property
+    def red(self) -> TextureAlpha:
+        """The image's red channel, to be asked in the same way."""
+        return TextureAlpha(self.pixels[..., 0])
+
+    @cached_property
     def opaque(self) -> Texture:
         """The same image without its alpha: what lies where it cannot be seen has its own colour too."""
         if self.alpha.opaque:
@@ -106,6 +112,11 @@ class Texture:
         pixels = self.pixels.copy()
         pixels[..., 3] = 255
         return Texture(pixels)
+
+    @property
+    def held(self) -> int:
+        """Bytes that the image may take with all that is made of it, an upper estimate."""
+        return self.pixels.nbytes * (2 if self.alpha.opaque else 4)
 
     @cached_property
     def _levels(self) -> list[np.ndarray]:

@@ -130,7 +130,7 @@ def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch)
         scene.node(mesh=mesh)
     path = scene.write(tmp_path / "model.glb")
     kept = imported(path, tmp_path / "kept")
-    monkeypatch.setattr("jobs.importing.formats.gltf_file.TEXTURES_KEPT", 0)
+    monkeypatch.setattr("jobs.importing.formats.gltf.textures.TEXTURES_KEPT", 0)
     assert imported(path, tmp_path / "dropped").digest == kept.digest
     assert len(np.unique(kept.colours, axis=0)) == 4
 

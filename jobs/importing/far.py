@@ -69,9 +69,7 @@ def without_far(meshes: Sequence[MeshView], parts: list[Part], shapes: Sequence[
     `shapes` are the meshes'. They are read only if their shapes show that something may go. A mesh that is placed
     several times loses the triangles that are far out wherever it is placed.
     """
-    placed = [
-        (transform_points(part.matrix, shapes[part.mesh].middles), shapes[part.mesh].triangles) for part in parts
-    ]
+    placed = [(transform_points(part.matrix, shapes[part.mesh].middles), shapes[part.mesh].triangles) for part in parts]
     middles = np.concatenate([points for points, _ in placed])
     weights = np.concatenate([np.full(len(points), triangles / len(points)) for points, triangles in placed])
     centre = np.array([_quantile(middles[:, axis], weights, 0.5) for axis in range(3)])

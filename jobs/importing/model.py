@@ -192,9 +192,7 @@ def import_model(
             if not options.keep_far:
                 near = without_far(meshes, joined.parts, joined.shapes, joined.tally)
             report = joined.tally.report()
-            write_model(
-                out, near.meshes, near.parts, up=joined.up, unit_in_metres=joined.unit_in_metres, report=report
-            )
+            write_model(out, near.meshes, near.parts, up=joined.up, unit_in_metres=joined.unit_in_metres, report=report)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     tell(len(files) + 1, len(files) + 1)

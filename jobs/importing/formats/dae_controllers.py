@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from jobs.importing.formats.dae_transforms import local_matrix, placed
-from jobs.importing.reading.numbers import floats_of
+from jobs.importing.reading.text.numbers import floats_of
 from storage.meshes.placement import IDENTITY, transform_points
 
 Element = ElementTree.Element
@@ -170,9 +170,9 @@ class Poses:
             return None
         rows = index.reshape(-1, width)
         joint, weight = rows[:, joint_at] + 1, rows[:, weight_at]
-        if len(rows) and not (0 <= joint.min() and joint.max() < len(joints)):
+        if len(rows) and not (joint.min() >= 0 and joint.max() < len(joints)):
             return None
-        if len(rows) and not (0 <= weight.min() and weight.max() < len(weights)):
+        if len(rows) and not (weight.min() >= 0 and weight.max() < len(weights)):
             return None
         vertex = np.repeat(np.arange(count), sizes)
         share = weights[weight, 0]

@@ -31,13 +31,13 @@ from jobs.importing.formats.dae_transforms import local_matrix, placed
 from jobs.importing.formats.format import Format
 from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import strips, unify
 from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.faces.corners import strips, unify
+from jobs.importing.reading.faces.polygons import triangulate
 from jobs.importing.reading.needs import TEXT, image_needs
-from jobs.importing.reading.numbers import floats_of
-from jobs.importing.reading.polygons import triangulate
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import floats_of
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, tint, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY

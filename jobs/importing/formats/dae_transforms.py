@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.source_scene import compose
+from jobs.importing.reading.text.numbers import floats_of
 from storage.meshes.placement import IDENTITY
 
 Element = ElementTree.Element

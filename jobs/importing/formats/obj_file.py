@@ -1,7 +1,9 @@
 """Reader of Wavefront OBJ files with their material libraries (.obj, .mtl).
 
 A part is a group: faces under the same `o` and `g` names, wherever they stand in the file; a file without either is one
-part. Faces of a part keep the file's order and are split into triangles: a part's face numbers count those triangles. Vertices are split where position, texture coordinates, normal or material differ.
+part. Faces of a part keep the file's order and are split into triangles: a part's face numbers count those triangles.
+Vertices are split where position, texture coordinates, normal or material differ. Statements that draw something which
+is not read, and those that are not known, are counted by part.
 
 Read here and not by trimesh, which sorts faces by material, drops group names, resolves relative indices against the
 whole file, wraps or fails on indices out of range, and says nothing of missing libraries and textures. The file is read
@@ -23,15 +25,15 @@ from jobs.importing.formats.format import Format
 from jobs.importing.formats.obj_materials import Material, material_named, named_textures, read_materials
 from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content
-from jobs.importing.reading.corners import unify
 from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.faces.corners import unify
+from jobs.importing.reading.faces.polygons import triangulate
 from jobs.importing.reading.needs import image_needs
-from jobs.importing.reading.numbers import integers_of, rows_of, table_of
-from jobs.importing.reading.polygons import triangulate
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes
+from jobs.importing.reading.text.numbers import integers_of, rows_of, table_of
+from jobs.importing.reading.text.words import name_of, reference_of, without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
-from jobs.importing.reading.words import name_of, reference_of, without_mark
 from storage.meshes.placement import IDENTITY
 
 _CHUNK = 1 << 23

@@ -17,11 +17,11 @@ import numpy as np
 
 from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.defects import Defect, Tally
-from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.text.numbers import floats_of
+from jobs.importing.reading.text.words import name_of, reference_of, without_mark
 from jobs.importing.reading.texture_alpha import Wrap
 from jobs.importing.reading.vertex_colours import Texture, tint, to_colours
-from jobs.importing.reading.words import name_of, reference_of, without_mark
 
 _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
 

@@ -21,14 +21,14 @@ import numpy as np
 from jobs.importing.formats.format import Format
 from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import split_by_face
 from jobs.importing.reading.defects import Defect
-from jobs.importing.reading.numbers import floats_of, table_of
-from jobs.importing.reading.polygons import triangulate
+from jobs.importing.reading.faces.corners import split_by_face
+from jobs.importing.reading.faces.polygons import triangulate
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import floats_of, table_of
+from jobs.importing.reading.text.words import without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
-from jobs.importing.reading.words import without_mark
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
@@ -103,9 +103,7 @@ def _sniff(content: Content) -> bool:
     return _HEAD.match(head) is not None and head.split(None, 1)[0].endswith(b"OFF")
 
 
-def _body(
-    file: Path, body: bytes, vertices: int, faces: int, width: int, coloured: bool
-) -> tuple[np.ndarray, _Faces]:
+def _body(file: Path, body: bytes, vertices: int, faces: int, width: int, coloured: bool) -> tuple[np.ndarray, _Faces]:
     """The vertices' numbers (n, `width` and colours) float64, and the faces."""
     lines = [line for line in body.split(b"\n") if line.strip()]
     if len(lines) >= vertices + faces:

@@ -20,15 +20,15 @@ import numpy as np
 from jobs.importing.formats.format import Format
 from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import split_by_face, strips, unify
 from jobs.importing.reading.defects import Defect
+from jobs.importing.reading.faces.corners import split_by_face, strips, unify
+from jobs.importing.reading.faces.polygons import Triangles, triangulate
 from jobs.importing.reading.needs import TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, text_needs
-from jobs.importing.reading.numbers import floats_of
-from jobs.importing.reading.polygons import Triangles, triangulate
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import floats_of
+from jobs.importing.reading.text.words import reference_of, without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, to_colours
-from jobs.importing.reading.words import reference_of, without_mark
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -21,11 +21,11 @@ from jobs.importing.formats.format import Format
 from jobs.importing.reading.content import Content, whole
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.needs import text_needs
-from jobs.importing.reading.numbers import rows_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import rows_of
+from jobs.importing.reading.text.words import name_of, without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
-from jobs.importing.reading.words import name_of, without_mark
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.importing.reading.corners import unify
+from jobs.importing.reading.faces.corners import unify
 from jobs.importing.reading.texture_alpha import AlphaOver
 
 

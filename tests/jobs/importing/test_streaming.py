@@ -83,7 +83,7 @@ def test_the_same_bytes_as_with_all_meshes_held(tmp_path, faraway):
     joined = join_scenes([file for file, _ in files], scenes, None, None, meshes.append)
     write_model(
         tmp_path / "held", meshes, joined.parts, up=joined.up, unit_in_metres=joined.unit_in_metres,
-        report=joined.report,
+        report=joined.tally.report(),
     )  # fmt: skip
     names = sorted(path.name for path in (tmp_path / "held").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "streamed").iterdir())

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import mapbox_earcut
 import numpy as np
 
-from jobs.importing.reading.corners import fan
+from jobs.importing.reading.faces.corners import fan
 
 #: A triangle of a fan that turns back by no more than this share of its polygon's area is a seam of collinear corners.
 _SEAM = 1e-9

@@ -1,0 +1,7 @@
+"""From the faces of a file to triangles and vertices.
+
+Read in this order:
+
+    corners   corners of faces become triangles and vertices
+    polygons  polygons become triangles that cover what their outlines enclose
+"""

@@ -55,7 +55,7 @@ def see_through(
         return SeenThrough(np.arange(len(alpha)), triangles, np.full(len(alpha), 255, np.uint8))
     if mode is AlphaMode.BLEND and solid:
         return SeenThrough(np.arange(len(alpha)), triangles, _byte(alpha, 255))
-    valid = ((triangles >= 0) & (triangles < len(alpha))).all(axis=1)
+    valid: np.ndarray = np.all((triangles >= 0) & (triangles < len(alpha)), axis=1)
     corners = alpha[np.where(valid[:, None], triangles, 0)]
     least, mean, greatest = corners.min(axis=1), corners.mean(axis=1), corners.max(axis=1)
     if texture is not None:

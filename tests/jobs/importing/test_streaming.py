@@ -113,7 +113,7 @@ def test_a_failed_import_leaves_nothing_behind(tmp_path):
 
 
 def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch):
-    from tests.jobs.importing.formats.test_gltf_file import png
+    from tests.jobs.importing.formats.gltf.test_gltf_file import png
 
     scene = Glb()
     scene.header["images"], scene.header["textures"] = [], []

@@ -78,8 +78,8 @@ def dae(points, primitives, nodes=None, effect="", more="", geometries=""):
     return (
         '<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
         '<library_images><image id="im"><init_from>t.png</init_from></image></library_images>'
-        '<library_effects><effect id="fx"><profile_COMMON><newparam sid="su"><surface type="2D"><init_from>im</init_from>'
-        '</surface></newparam><newparam sid="sa"><sampler2D><source>su</source></sampler2D></newparam>'
+        '<library_effects><effect id="fx"><profile_COMMON><newparam sid="su"><surface type="2D">'
+        '<init_from>im</init_from></surface></newparam><newparam sid="sa"><sampler2D><source>su</source></sampler2D></newparam>'
         f'<technique sid="t"><lambert>{effect}</lambert></technique></profile_COMMON></effect></library_effects>'
         '<library_materials><material id="mt"><instance_effect url="#fx"/></material></library_materials>'
         f'<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa">{flat}</float_array>'
@@ -596,7 +596,8 @@ CASES = [
     Case(
         "off: normals, colours and texture coordinates (Geomview, STCNOFF: normals, colours, texture)",
         {
-            "a.off": "STCNOFF\n3 1 0\n0 0 0 0 0 1 1 0 0 1 9 9\n1 0 0 0 0 1 1 0 0 1 9 9\n0 1 0 0 0 1 1 0 0 1 9 9\n3 0 1 2\n"
+            "a.off": "STCNOFF\n3 1 0\n0 0 0 0 0 1 1 0 0 1 9 9\n1 0 0 0 0 1 1 0 0 1 9 9\n"
+            "0 1 0 0 0 1 1 0 0 1 9 9\n3 0 1 2\n"
         },
         area=0.5,
         colours=[(255, 0, 0)],

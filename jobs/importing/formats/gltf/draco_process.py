@@ -12,6 +12,7 @@ import json
 import os
 import resource
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import DracoPy
@@ -46,7 +47,8 @@ def _decoded(stream: bytes, ids: list[int]) -> list[np.ndarray]:
 
 
 @contextlib.contextmanager
-def _memory_limit(more: int) -> contextlib.AbstractContextManager[None]:  # type: ignore[misc]
+def _memory_limit(more: int) -> Iterator[None]:
+    """For a while the process may take no more memory than it has, and so many bytes."""
     pages = Path("/proc/self/statm")
     if not pages.exists():
         yield

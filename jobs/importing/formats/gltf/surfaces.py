@@ -3,8 +3,7 @@
 glTF 2.0, sections 3.9.2 (base colour), 3.9.4 (alpha: OPAQUE ignores it, MASK compares it with alphaCutoff, BLEND
 blends); KHR_materials_transmission, KHR_materials_pbrSpecularGlossiness. Base colour times texture times vertex colour,
 in linear light; trimesh stores vertex colours in sRGB instead, and means their alpha where there is no material. See
-`jobs.importing.reading.see_through` for what becomes of
-alpha.
+`jobs.importing.reading.see_through` for what becomes of alpha.
 """
 
 from __future__ import annotations
@@ -162,7 +161,7 @@ def _layer(textures: Textures, attributes: Attributes, image: Json, triangles: n
     if name not in attributes:
         return None
     places = moved(attributes.floats(name)[:, :2], image)
-    inside = ((triangles >= 0) & (triangles < len(places))).all(axis=1)
+    inside: np.ndarray = np.all((triangles >= 0) & (triangles < len(places)), axis=1)
     return _Layer(texture, places, textures.wraps(image["index"]), inside)
 
 

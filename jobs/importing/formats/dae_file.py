@@ -362,7 +362,7 @@ class _Document:
             thin = colours[:, 3].copy()
             colours[good] = to_colours(values[good])
             colours[:, 3] = tint(colours[:, 3], thin)
-        alphas = Alphas(len(faces))
+        alphas = Alphas()
         if place is not None:
             places = _taken(place.values[:, :2], lying)
             places[:, 1] = 1 - places[:, 1]

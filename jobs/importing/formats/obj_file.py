@@ -426,7 +426,7 @@ def _mesh(
 
     colours = np.full((len(kept), 4), DEFAULT_COLOUR, np.uint8)
     painted = np.zeros(len(kept), bool)
-    alphas = Alphas(len(triangles))
+    alphas = Alphas()
     if vertices.given.any():
         given = vertices.colours[position]
         painted = np.isfinite(given).all(axis=1) & (position >= 0)

@@ -20,7 +20,7 @@ from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.text.numbers import floats_of
 from jobs.importing.reading.text.words import name_of, reference_of, without_mark
-from jobs.importing.reading.texture_alpha import Wrap
+from jobs.importing.reading.texture_alpha import TextureAlpha, Wrap
 from jobs.importing.reading.vertex_colours import Texture, tint, to_colours
 
 _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
@@ -28,9 +28,8 @@ _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$",
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """An image, and how texture coordinates lie in it."""
+    """How texture coordinates lie in an image."""
 
-    image: Texture
     scale: tuple[float, float]
     offset: tuple[float, float]
     wrap: Wrap
@@ -47,8 +46,8 @@ class Material:
     """What a material library says of one material."""
 
     colour: np.ndarray  # (4,) uint8
-    texture: Map | None
-    opacity: Map | None  # by its image's alpha
+    texture: tuple[Texture, Map] | None
+    opacity: tuple[TextureAlpha, Map] | None
     missing: int  # textures that are not there
     not_finite: int
 
@@ -70,14 +69,13 @@ class Material:
         `which` (m,) bool of `triangles` (m, 3) their alpha.
         """
         if self.texture is not None:
-            sampled = self.texture.image.sample(
-                self.texture.places(coordinates), triangles[which], (self.texture.wrap, self.texture.wrap)
-            )
+            image, laid = self.texture
+            sampled = image.sample(laid.places(coordinates), triangles[which], (laid.wrap, laid.wrap))
             colours[where, :3] = tint(sampled[where, :3], colours[where, :3])
         if self.opacity is not None:
-            wrap = (self.opacity.wrap, self.opacity.wrap)
+            alpha, laid = self.opacity
             whole = which & where[triangles].all(axis=1)
-            alphas.take(whole, self.opacity.image.alpha, self.opacity.places(coordinates), triangles, wrap)
+            alphas.take(whole, alpha, laid.places(coordinates), triangles, (laid.wrap, laid.wrap))
 
 
 def named_textures(library: bytes) -> Iterator[str]:
@@ -142,31 +140,29 @@ class _Textures:
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
         self._images: dict[str, Texture | None] = {}
-        self._opacities: dict[tuple[str, str], Texture] = {}
+        self._opacities: dict[tuple[str, str], TextureAlpha] = {}
 
     def image(self, name: str) -> Texture | None:
         if name not in self._images:
             self._images[name] = Texture.decode(self._resources.read(name))
         return self._images[name]
 
-    def opacity(self, name: str, image: Texture, channel: str) -> Texture:
-        """The same image with one of its channels as alpha."""
+    def opacity(self, name: str, image: Texture, channel: str) -> TextureAlpha:
+        """One of an image's channels as alpha."""
         key = (name, channel)
         if key not in self._opacities:
-            pixels = image.pixels.copy()
-            pixels[..., 3] = _channel(image.pixels, channel)
-            self._opacities[key] = Texture(pixels)
+            self._opacities[key] = _channel(image, channel)
         return self._opacities[key]
 
 
-def _channel(pixels: np.ndarray, channel: str) -> np.ndarray:
-    """One channel (h, w) uint8 of an image (h, w, 4) by its letter in MTL: red, green, blue, matte, luminance."""
+def _channel(image: Texture, channel: str) -> TextureAlpha:
+    """One channel of an image by its letter in MTL: red, green, blue, matte, luminance."""
     if channel in ("r", "g", "b"):
-        return pixels[..., "rgb".index(channel)]
-    if channel == "m" or (channel != "l" and (pixels[..., 3] < 255).any()):
-        return pixels[..., 3]
-    shares = pixels[..., :3].astype(np.float32) * np.float32([0.2126, 0.7152, 0.0722])
-    return np.rint((shares[..., 0] + shares[..., 1]) + shares[..., 2]).astype(np.uint8)
+        return TextureAlpha(image.pixels[..., "rgb".index(channel)])
+    if channel == "m" or (channel != "l" and not image.alpha.opaque):
+        return image.alpha
+    red, green, blue = (image.pixels[..., k].astype(np.uint32) for k in range(3))
+    return TextureAlpha(((54 * red + 183 * green + 19 * blue + 128) >> 8).astype(np.uint8))
 
 
 def _material(entries: dict[str, bytes], textures: _Textures) -> Material:
@@ -176,18 +172,22 @@ def _material(entries: dict[str, bytes], textures: _Textures) -> Material:
     colour = colour[:3] if len(colour) >= 3 else np.full(3, 0.8)
     bad = ~np.isfinite(colour)
     rgba = to_colours(np.append(np.where(bad, 0.8, colour), _opacity(entries))[None])[0]
-    maps: dict[str, Map | None] = {"map_kd": None, "map_d": None}
+    texture: tuple[Texture, Map] | None = None
+    opacity: tuple[TextureAlpha, Map] | None = None
     missing = 0
-    for key in maps:
-        if key not in entries:
-            continue
-        wanted = _statement(entries[key])
+    if "map_kd" in entries:
+        wanted = _statement(entries["map_kd"])
         image = textures.image(wanted.name)
         missing += image is None
-        if image is not None:
-            image = image if key == "map_kd" else textures.opacity(wanted.name, image, wanted.channel)
-            maps[key] = Map(image, wanted.scale, wanted.offset, wanted.wrap)
-    return Material(rgba, maps["map_kd"], maps["map_d"] or maps["map_kd"], missing, int(bad.any()))
+        texture = None if image is None else (image, wanted.laid)
+    if "map_d" in entries:
+        wanted = _statement(entries["map_d"])
+        image = textures.image(wanted.name)
+        missing += image is None
+        opacity = None if image is None else (textures.opacity(wanted.name, image, wanted.channel), wanted.laid)
+    if opacity is None and texture is not None:
+        opacity = (texture[0].alpha, texture[1])
+    return Material(rgba, texture, opacity, missing, int(bad.any()))
 
 
 def _opacity(entries: dict[str, bytes]) -> float:
@@ -206,9 +206,7 @@ class _Statement:
     """What a texture statement says."""
 
     name: str
-    scale: tuple[float, float]
-    offset: tuple[float, float]
-    wrap: Wrap
+    laid: Map
     channel: str  # of -imfchan, "" if it does not say
 
 
@@ -246,4 +244,4 @@ def _statement(text: bytes) -> _Statement:
     name = reference_of(b" ".join(words[at:]) if at else text)
     (u, v), (x, y) = vectors[b"-s"][:2], vectors[b"-o"][:2]
     wrap = Wrap.CLAMP if singles[b"-clamp"] == b"on" else Wrap.REPEAT
-    return _Statement(name, (u, v), (x, y), wrap, singles[b"-imfchan"].decode("latin-1"))
+    return _Statement(name, Map((u, v), (x, y), wrap), singles[b"-imfchan"].decode("latin-1"))

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
 from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.faces.corners import split_by_face
@@ -94,7 +93,6 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:  # 
     )
     if colours is None and found.colours is not None:
         split_by_face(mesh, np.repeat(_colours(found.colours), cut.counts, axis=0))
-    Alphas(len(mesh.triangles)).blend(mesh)
     return SourceScene(file, [mesh] if len(mesh.triangles) else [], [SourceNode(0, mesh.name, IDENTITY)])
 
 

@@ -317,7 +317,7 @@ def _mesh(
     defects[Defect.POLYGON] = int(np.count_nonzero(polygons.counts < 3))
     defects[Defect.CROSSING] = cut.crossing
     colours = _colours(vertex, elements, "vertex", defects)
-    alphas = Alphas(len(triangles))
+    alphas = Alphas()
     mesh = SourceMesh(file.stem, position, triangles, _stack(vertex, ("nx", "ny", "nz")), colours, defects)
     if colours is None and texture is not None:
         _texture(file, mesh, Texture.decode(resources.read(texture)), vertex, face, polygons, cut, alphas)

@@ -88,15 +88,22 @@ def _pyramid(alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     starts = [0]
     low, high, sums = alpha, alpha, alpha.astype(np.int64)
     while low.size > 1:
-        rows, columns = (np.arange(0, size, 2) for size in low.shape)
-        low = np.minimum.reduceat(np.minimum.reduceat(low, rows, axis=0), columns, axis=1)
-        high = np.maximum.reduceat(np.maximum.reduceat(high, rows, axis=0), columns, axis=1)
-        sums = np.add.reduceat(np.add.reduceat(sums, rows, axis=0), columns, axis=1)
+        low, high, sums = _halved(low, np.minimum), _halved(high, np.maximum), _halved(sums, np.add)
         least.append(low.reshape(-1))
         greatest.append(high.reshape(-1))
         total.append(sums.reshape(-1))
         starts.append(starts[-1] + low.size)
     return np.concatenate(least), np.concatenate(greatest), np.concatenate(total), np.array(starts, np.int64)
+
+
+def _halved(values: np.ndarray, combine: np.ufunc) -> np.ndarray:
+    """Of each square of two by two values (h, w) what `combine` makes of it; of what is left at the borders too."""
+    for axis in range(2):
+        first, second = (values[start::2] if axis == 0 else values[:, start::2] for start in range(2))
+        values = first.copy()
+        pairs = values[: len(second), : second.shape[1]]
+        combine(pairs, second, out=pairs)
+    return values
 
 
 @kernel()

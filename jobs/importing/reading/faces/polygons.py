@@ -7,8 +7,7 @@ those that touch themselves keep their area. An outline that crosses itself encl
 as well as it can be, and counted.
 
 Based on: mapbox/earcut.hpp, after Held: FIST: Fast Industrial-Strength Triangulation of Polygons, Algorithmica 30
-(2001), and Eberly: Triangulation by Ear Clipping (2002); the normal is Newell's, in Sutherland, Sproull, Schumacker: A
-Characterization of Ten Hidden-Surface Algorithms, ACM Computing Surveys 6 (1974).
+(2001), and Eberly: Triangulation by Ear Clipping (2002).
 """
 
 from __future__ import annotations
@@ -21,9 +20,7 @@ import mapbox_earcut
 import numpy as np
 
 from jobs.importing.reading.faces.corners import fan
-
-#: A triangle of a fan that turns back by no more than this share of its polygon's area is a seam of collinear corners.
-_SEAM = 1e-9
+from jobs.importing.reading.faces.turning import SEAM, turning_back
 
 #: An outline of size one whose corners' shares of its area sum up to less than this for each of them has no area.
 _NO_AREA = 1e-15
@@ -64,11 +61,15 @@ def triangulate(
     """
     counts = np.asarray(counts, np.int64)
     triangles, each = fan(counts), np.maximum(counts - 2, 0)
-    many = np.flatnonzero(counts >= 4)
-    if fans or not len(positions) or not (len(many) or holes):
+    largest = int(counts.max(initial=0))
+    if fans or not len(positions) or not (largest >= 4 or holes):
+        return Triangles(triangles, each, 0)
+    turned = np.empty(len(counts), np.bool_)
+    turning_back(positions, corners, counts, turned, np.empty((max(largest, 3) - 2, 3)))
+    wrong = np.flatnonzero(turned)
+    if not len(wrong) and not holes:
         return Triangles(triangles, each, 0)
     firsts = np.cumsum(each) - each
-    wrong = many[_turns_back(positions, corners, triangles, firsts[many], each[many])] if len(many) else many
     starts = np.cumsum(counts) - counts
     pieces: dict[int, np.ndarray] = {}
     rings = {face: 1 + number for face, number in holes.items() if number}
@@ -100,7 +101,7 @@ def cut_outlines(points: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, 
     if len(points) == 4 and len(sizes) == 1:
         split = max(_DIAGONALS, key=lambda pair: float(_areas(flat, pair).min()))
         areas = _areas(flat, split)
-        return split.copy(), float(areas.min()) >= -_SEAM * float(areas.sum())
+        return split.copy(), float(areas.min()) >= -SEAM * float(areas.sum())
     cut = mapbox_earcut.triangulate_float64(flat, np.cumsum(sizes).astype(np.uint32)).astype(np.int64).reshape(-1, 3)
     areas = _areas(flat, cut)
     cut[areas < 0] = cut[areas < 0, ::-1]
@@ -109,31 +110,6 @@ def cut_outlines(points: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, 
     enclosed = rings[0] - sum(rings[1:])
     same_area = abs(float(np.abs(areas).sum()) - enclosed) <= _CROSSING * rings[0]
     return cut, same_area and not _edges_cross(flat, sizes)
-
-
-def _turns_back(
-    positions: np.ndarray, corners: np.ndarray, triangles: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
-) -> np.ndarray:
-    """Which polygons (k,), of `sizes` triangles from `firsts` on, have a triangle that faces away from their normal, or
-    triangles whose areas cancel out.
-    """
-    ends = np.cumsum(sizes)
-    rows = np.repeat(firsts - (ends - sizes), sizes) + np.arange(ends[-1])
-    index = corners[triangles[rows]]
-    sound = ((index >= 0) & (index < len(positions))).all(axis=1)
-    a, b, c = (positions[np.where(sound, index[:, corner], 0)] for corner in range(3))
-    with np.errstate(invalid="ignore", over="ignore"):
-        (x, y, z), (u, v, w) = (b - a).T, (c - a).T
-        crosses = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
-        normals = np.add.reduceat(crosses, ends - sizes, axis=0)
-        squares = (normals[:, 0] ** 2 + normals[:, 1] ** 2) + normals[:, 2] ** 2
-        facing = np.repeat(normals, sizes, axis=0)
-        along = (crosses[:, 0] * facing[:, 0] + crosses[:, 1] * facing[:, 1]) + crosses[:, 2] * facing[:, 2]
-        back = along < -_SEAM * np.repeat(squares, sizes)
-        parts = np.add.reduceat((crosses**2).sum(axis=1), ends - sizes)
-        turned: np.ndarray = (np.add.reduceat(back, ends - sizes) > 0) | (squares < _SEAM**2 * parts)
-    bad = np.add.reduceat(~sound, ends - sizes) > 0
-    return turned & ~bad & np.isfinite(squares)
 
 
 def _replaced(
@@ -207,5 +183,5 @@ def _edges_cross(flat: np.ndarray, sizes: Sequence[int]) -> bool:
     before = flat[None, :] - flat[:, None]  # from the start of the edge of the row to that of the column
     start = along[:, None, 0] * before[..., 1] - along[:, None, 1] * before[..., 0]
     end = start[:, following]
-    apart = (start > _SEAM) & (end < -_SEAM) | (start < -_SEAM) & (end > _SEAM)
+    apart = (start > SEAM) & (end < -SEAM) | (start < -SEAM) & (end > SEAM)
     return bool((apart & apart.T).any())

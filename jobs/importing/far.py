@@ -39,10 +39,15 @@ _SAMPLES = 16
 _BULK = 1 - _LARGEST_SHARE
 
 
+#: Which of a box's eight corners lie at its upper sides.
+_CORNERS = np.array([[bool(i >> axis & 1) for axis in range(3)] for i in range(8)])
+
+
 class Shape(NamedTuple):
     """A mesh as far as it must be known to see whether anything may lie far out."""
 
-    corners: np.ndarray  # (8, 3) float64 of its box
+    lo: np.ndarray  # (3,) float64 of its box
+    hi: np.ndarray  # (3,) float64
     middles: np.ndarray  # (k, 3) float64 of some triangles
     triangles: int
 
@@ -56,11 +61,10 @@ class Near(NamedTuple):
 
 def shape_of(mesh: MeshView) -> Shape:
     """The shape of a mesh with a triangle or more."""
-    lo, hi = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-    corners = np.array([[(lo, hi)[i >> k & 1][k] for k in range(3)] for i in range(8)])
     count = len(mesh.triangles)
-    some = np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).astype(np.int64))
-    return Shape(corners, mesh.positions[mesh.triangles[some]].mean(axis=1), count)
+    some = np.arange(min(count, _SAMPLES)) * count // min(count, _SAMPLES)
+    middles = mesh.positions[mesh.triangles[some]].mean(axis=1)
+    return Shape(mesh.positions.min(axis=0), mesh.positions.max(axis=0), middles, count)
 
 
 def without_far(meshes: Sequence[MeshView], parts: list[Part], shapes: Sequence[Shape], tally: Tally) -> Near:
@@ -74,7 +78,10 @@ def without_far(meshes: Sequence[MeshView], parts: list[Part], shapes: Sequence[
     weights = np.concatenate([np.full(len(points), triangles / len(points)) for points, triangles in placed])
     centre = np.array([_quantile(middles[:, axis], weights, 0.5) for axis in range(3)])
     bulk = _quantile(np.abs(middles - centre).max(axis=1), weights, _BULK)
-    reach = np.array([np.abs(transform_points(p.matrix, shapes[p.mesh].corners) - centre).max() for p in parts])
+    lo, hi = (np.stack([shapes[part.mesh][side] for part in parts]) for side in range(2))
+    corners = np.where(_CORNERS, hi[:, None], lo[:, None])
+    placed_corners = transform_points(np.stack([part.matrix for part in parts])[:, None], corners)
+    reach = np.abs(placed_corners - centre).max(axis=(1, 2))
     if float(reach.max()) < FINER * bulk:
         return Near(meshes, parts)
 

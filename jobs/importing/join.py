@@ -144,7 +144,8 @@ class _Joining:
                 continue
             nodes = [scene.nodes[number] for number in users[index]]
             matrices = [node.matrix if frame is IDENTITY else compose(frame, node.matrix) for node in nodes]
-            flaws = _flaws(np.stack(matrices), mesh.positions.min(axis=0), mesh.positions.max(axis=0))
+            shape = shape_of(mesh)
+            flaws = _flaws(np.stack(matrices), shape.lo, shape.hi)
             misplaced, flat = (flaw.tolist() for flaw in flaws)
             for at, (number, node) in enumerate(zip(users[index], nodes, strict=True)):
                 if misplaced[at] or flat[at]:
@@ -152,7 +153,7 @@ class _Joining:
                 else:
                     placed[number] = Part(len(self.shapes), prefix + node.name, matrices[at])
             self._take(mesh)
-            self.shapes.append(shape_of(mesh))
+            self.shapes.append(shape)
         self.parts.extend(placed[number] for number in sorted(placed))
 
     def _repaired(self, scene: SourceScene, index: int, users: Sequence[int], prefix: str) -> MeshView | None:

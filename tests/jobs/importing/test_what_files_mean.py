@@ -79,7 +79,8 @@ def dae(points, primitives, nodes=None, effect="", more="", geometries=""):
         '<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
         '<library_images><image id="im"><init_from>t.png</init_from></image></library_images>'
         '<library_effects><effect id="fx"><profile_COMMON><newparam sid="su"><surface type="2D">'
-        '<init_from>im</init_from></surface></newparam><newparam sid="sa"><sampler2D><source>su</source></sampler2D></newparam>'
+        "<init_from>im</init_from></surface></newparam>"
+        '<newparam sid="sa"><sampler2D><source>su</source></sampler2D></newparam>'
         f'<technique sid="t"><lambert>{effect}</lambert></technique></profile_COMMON></effect></library_effects>'
         '<library_materials><material id="mt"><instance_effect url="#fx"/></material></library_materials>'
         f'<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa">{flat}</float_array>'

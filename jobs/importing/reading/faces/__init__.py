@@ -3,6 +3,6 @@
 Read in this order:
 
     corners   corners of faces become triangles and vertices
-    turning   which polygons a fan does not cover rightly
+    turning   how polygons are to be cut: nearly all are fans
     polygons  polygons become triangles that cover what their outlines enclose
 """

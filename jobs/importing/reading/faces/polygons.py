@@ -20,7 +20,7 @@ import mapbox_earcut
 import numpy as np
 
 from jobs.importing.reading.faces.corners import fan
-from jobs.importing.reading.faces.turning import SEAM, turning_back
+from jobs.importing.reading.faces.turning import DIAGONAL, EARS, SEAM, how_to_cut
 
 #: An outline of size one whose corners' shares of its area sum up to less than this for each of them has no area.
 _NO_AREA = 1e-15
@@ -30,10 +30,6 @@ _CROSSING = 1e-6
 
 #: Edges of an outline that are tried for crossings, each against each; of more only the area is compared.
 _MOST_EDGES = 1 << 10
-
-
-#: The two ways to split a quad.
-_DIAGONALS = (np.array([[0, 1, 2], [0, 2, 3]]), np.array([[1, 2, 3], [1, 3, 0]]))
 
 
 class Triangles(NamedTuple):
@@ -64,10 +60,9 @@ def triangulate(
     largest = int(counts.max(initial=0))
     if fans or not len(positions) or not (largest >= 4 or holes):
         return Triangles(triangles, each, 0)
-    turned = np.empty(len(counts), np.bool_)
-    turning_back(positions, corners, counts, turned, np.empty((max(largest, 3) - 2, 3)))
-    wrong = np.flatnonzero(turned)
-    if not len(wrong) and not holes:
+    how, crosses = np.empty(len(counts), np.uint8), np.empty(len(counts), np.bool_)
+    how_to_cut(positions, corners, counts, how, crosses, np.empty((max(largest, 3), 3)))
+    if not how.any() and not crosses.any() and not holes:
         return Triangles(triangles, each, 0)
     firsts = np.cumsum(each) - each
     starts = np.cumsum(counts) - counts
@@ -75,8 +70,12 @@ def triangulate(
     rings = {face: 1 + number for face, number in holes.items() if number}
     for face, number in rings.items():
         pieces.update({hole: np.empty((0, 3), np.int64) for hole in range(face + 1, face + number)})
-    crossing = 0
-    for face in sorted({*wrong.tolist(), *rings} - pieces.keys()):
+    quads = np.flatnonzero(how == DIAGONAL)
+    triangles[firsts[quads]] = starts[quads, None] + np.array([1, 2, 3])
+    triangles[firsts[quads] + 1] = starts[quads, None] + np.array([1, 3, 0])
+    crosses[list(pieces | rings)] = False
+    crossing = int(np.count_nonzero(crosses))
+    for face in sorted({*np.flatnonzero(how == EARS).tolist(), *rings} - pieces.keys()):
         sizes = counts[face : face + rings.get(face, 1)].tolist()
         start = int(starts[face])
         index = corners[start : start + sum(sizes)]
@@ -98,10 +97,6 @@ def cut_outlines(points: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, 
     flat = _projected(points, sizes[0])
     if flat is None:
         return np.empty((0, 3), np.int64), False
-    if len(points) == 4 and len(sizes) == 1:
-        split = max(_DIAGONALS, key=lambda pair: float(_areas(flat, pair).min()))
-        areas = _areas(flat, split)
-        return split.copy(), float(areas.min()) >= -SEAM * float(areas.sum())
     cut = mapbox_earcut.triangulate_float64(flat, np.cumsum(sizes).astype(np.uint32)).astype(np.int64).reshape(-1, 3)
     areas = _areas(flat, cut)
     cut[areas < 0] = cut[areas < 0, ::-1]

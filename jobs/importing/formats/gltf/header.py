@@ -136,3 +136,9 @@ def references(header: Json, section: str) -> list[str]:
     """The files that the entries of a section name."""
     uris = [str(entry["uri"]) for entry in header.get(section, ()) if "uri" in entry]
     return [uri for uri in uris if not uri.startswith("data:")]
+
+
+def name_of(*entries: Json, otherwise: str) -> str:
+    """The name of the first of some entries that has one; halves of characters in it are written as escapes."""
+    name = next((str(entry["name"]) for entry in entries if entry.get("name")), otherwise)
+    return name.encode(errors="backslashreplace").decode()

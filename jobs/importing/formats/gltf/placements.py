@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jobs.importing.formats.gltf.accessors import Accessors, at
-from jobs.importing.formats.gltf.header import INSTANCING, VISIBILITY, Json, unread_extensions
+from jobs.importing.formats.gltf.header import INSTANCING, VISIBILITY, Json, name_of, unread_extensions
 from jobs.importing.formats.gltf.poses import Poses, under
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.source_scene import SourceNode
@@ -33,7 +33,7 @@ def placements(poses: Poses, mesh_of: Callable[[int], tuple[int, bool] | None], 
     while stack:
         number, parent = stack.pop()
         node = poses.nodes[at(number)]
-        own_name = str(node.get("name") or f"node {number}")
+        own_name = name_of(node, otherwise=f"node {number}")
         if number in seen:
             tally.add(Defect.BROKEN, own_name)
             continue
@@ -46,7 +46,7 @@ def placements(poses: Poses, mesh_of: Callable[[int], tuple[int, bool] | None], 
         mesh = mesh_of(number)
         if mesh is not None:
             index, is_posed = mesh
-            name = str(node.get("name") or header["meshes"][node["mesh"]].get("name") or f"node {number}")
+            name = name_of(node, header["meshes"][node["mesh"]], otherwise=f"node {number}")
             instances = None if is_posed else node.get("extensions", {}).get(INSTANCING)
             if instances is None:
                 placed.append(SourceNode(index, name, IDENTITY if is_posed else matrix))

@@ -81,6 +81,7 @@ class _Meshes:
     tally: Tally
     entries: list[tuple[str, list[Json], Pose]] = field(default_factory=list)
     _index: dict[int, int] = field(default_factory=dict)  # of the header's meshes with triangles, among the entries
+    _rigid: set[int] = field(default_factory=set)  # entries that no node poses
     _posed: dict[tuple[int, Pose], int] = field(default_factory=dict)
     _primitives: Primitives = field(init=False)
 
@@ -89,7 +90,7 @@ class _Meshes:
         self._primitives = Primitives(self.accessors, Textures(self.accessors, self.resources), decoder)
         known: dict[bytes, int] = {}
         for number, entry in enumerate(self.accessors.header.get("meshes", ())):
-            name = name_of(entry, otherwise=f"mesh {number}")
+            name = name_of(entry, f"mesh {number}")
             key = hashlib.blake2b(json.dumps(entry["primitives"], sort_keys=True).encode(), digest_size=16).digest()
             if key not in known:
                 drawn = [primitive for primitive in entry["primitives"] if has_triangles(primitive)]
@@ -99,6 +100,8 @@ class _Meshes:
                 if not drawn:
                     continue
                 known[key] = len(self.entries)
+                if not any(primitive.get("targets") or is_skinned(primitive) for primitive in drawn):
+                    self._rigid.add(known[key])
                 self.entries.append((name, drawn, UNPOSED))
             self._index[number] = known[key]
 
@@ -108,6 +111,8 @@ class _Meshes:
         index = self._index.get(node["mesh"]) if "mesh" in node else None
         if index is None:
             return None
+        if index in self._rigid:
+            return index, False
         name, primitives, _ = self.entries[index]
         skin = node.get("skin")
         has_joints = skin is not None and any(is_skinned(primitive) for primitive in primitives)

@@ -138,7 +138,7 @@ def references(header: Json, section: str) -> list[str]:
     return [uri for uri in uris if not uri.startswith("data:")]
 
 
-def name_of(*entries: Json, otherwise: str) -> str:
-    """The name of the first of some entries that has one; halves of characters in it are written as escapes."""
-    name = next((str(entry["name"]) for entry in entries if entry.get("name")), otherwise)
-    return name.encode(errors="backslashreplace").decode()
+def name_of(entry: Json, otherwise: str) -> str:
+    """The name of an entry, if it has one; halves of characters in it are written as escapes."""
+    name = str(entry.get("name") or otherwise)
+    return name if name.isascii() else name.encode(errors="backslashreplace").decode()

@@ -27,7 +27,9 @@ def placements(poses: Poses, mesh_of: Callable[[int], tuple[int, bool] | None], 
     `mesh_of` a node's number: the mesh that it places, and whether a skin places it whatever the node; None for none.
     """
     header = poses.accessors.header
-    mesh_names = {n: mesh["name"] for n, mesh in enumerate(header.get("meshes", ())) if mesh.get("name")}
+    mesh_names: dict[int | None, str] = {
+        n: mesh["name"] for n, mesh in enumerate(header.get("meshes", ())) if mesh.get("name")
+    }
     placed: list[SourceNode] = []
     seen: set[int] = set()
     stack = [(number, IDENTITY) for number in reversed(_roots(header))]

@@ -24,7 +24,7 @@ MODELS = [
     ("large_ldraw/townhall10224.glb", 1307423, 345, 2799, "y", 1.0),
     ("cad_atlas/atlas_detector.glb", 858758, 102, 102, "y", 1.0),
     ("cad_sportscar/sportsCar.obj", 300603, 1075, 1075, "y", 1.0),
-    ("bim_schependomlaan/schependomlaan_subcontractors.glb", 135874, 2251, 2274, "y", 1.0),
+    ("bim_schependomlaan/schependomlaan_subcontractors.glb", 135874, 2222, 2245, "y", 1.0),
     ("dirty/busted.STL", 3878, 1, 1, "z", 1.0),
     ("dirty/capsule.obj", 10200, 1, 1, "y", 1.0),
     ("dirty/chair_model.obj", 12756, 4, 4, "y", 1.0),

@@ -13,153 +13,31 @@ from typing import Any
 
 import click
 
+from jobs.options import model_files, objects, running, screen, splitting, stored, view_space, visibility
+from jobs.options.sections import SectionedCommand
 from jobs.scenes.kinds import KINDS
-from storage.base.amounts import Bytes
-
-_BOX = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
-
-
-class _Corners(click.Option):
-    """An option of six numbers, shown by their names."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{"type": float, "nargs": 6, "metavar": " ".join(_BOX), **kwargs})
 
 
 @click.command(
-    epilog="Example: vlod build ship.glb ship.store --pixel-error 1 --triangles-per-cell 100000", no_args_is_help=True
+    cls=SectionedCommand,
+    sections=(
+        view_space.SECTION,
+        splitting.SECTION,
+        visibility.SECTION,
+        screen.SECTION,
+        objects.SECTION,
+        model_files.SECTION,
+        stored.SECTION,
+        running.SECTION,
+    ),
+    epilog="Example: vlod build ship.glb ship.store --pixel-error 1 --triangles-per-cell 100000",
+    no_args_is_help=True,
 )
 @click.argument("inputs", nargs=-1, metavar="INPUTS...", type=click.Path(path_type=Path))
 @click.argument("store", type=click.Path(path_type=Path))
-@click.option(
-    "--view-box", cls=_Corners, help="Where the viewer may be, in model units. Default: the model's box and 2 %."
-)
-@click.option("--region", cls=_Corners, help="Compute only cells that touch this box. Default: the whole view box.")
-@click.option(
-    "--triangles-per-cell",
-    type=int,
-    default=50_000,
-    show_default=True,
-    help="Split cells that see more triangles, as long as the octree may get deeper and it saves something: what is "
-    "aimed at, no guarantee.",
-)
-@click.option(
-    "--max-triangles",
-    type=int,
-    metavar="N",
-    help="No cell reports more triangles, whatever it takes: cells that do are split, and at the deepest level their "
-    "pixel error is raised; `vlod info` lists these. Default: no such bound.",
-)
-@click.option("--max-depth", type=int, default=5, show_default=True, help="Levels of the octree of cells.")
-@click.option(
-    "--quality",
-    type=click.Choice(["draft", "normal", "high"]),
-    default="normal",
-    show_default=True,
-    help="How much time a cell may take to find what is hidden, and to prove what is not. draft: about half of "
-    "normal's, for up to 5 % more triangles; high: five to six times normal's, for 1 to 5 % fewer; in open landscapes "
-    "the difference is larger. None misses what can be seen.",
-)
-@click.option(
-    "--cell-size", type=float, metavar="LENGTH", help="Smallest edge of a cell in model units, instead of --max-depth."
-)
-@click.option(
-    "--pixel-error", type=float, default=1.0, show_default=True, help="Allowed error on the screen, in pixels."
-)
-@click.option(
-    "--sampled",
-    is_flag=True,
-    help="Keep for each cell what rays from it meet, and nothing else: an approximation that may miss what can be "
-    "seen. The chance of a wrong pixel is measured with other rays and stored. Default: miss nothing.",
-)
-@click.option(
-    "--seal",
-    type=float,
-    metavar="DISTANCE",
-    help="Gaps narrower than this, in model units, count as closed: an approximation that may miss what is seen "
-    "through them. How much is missed is measured and stored. Default: no gap is closed.",
-)
-@click.option("--screen-height", type=int, default=1080, show_default=True, help="Of the viewer's screen, in pixels.")
-@click.option(
-    "--field-of-view", type=float, default=60.0, show_default=True, help="Of the viewer, vertical, in degrees."
-)
-@click.option(
-    "--objects",
-    type=click.Choice(["balanced", "gigawalk"]),
-    default="balanced",
-    show_default=True,
-    help="What is drawn or left out as a whole. gigawalk: larger objects, as in the paper of that name: fewer "
-    "drawables, more triangles. The options below change single numbers of it.",
-)
-@click.option(
-    "--object-triangles",
-    type=int,
-    help="Parts with more triangles are split where they are large or long; objects have at most ten times as many.",
-)
-@click.option("--object-size", type=float, help="What counts as large: a diagonal above this part of the model's.")
-@click.option(
-    "--object-ratio", type=float, help="What counts as long: a box whose longest edge is this many times its shortest."
-)
-@click.option(
-    "--cluster-distance",
-    type=float,
-    default=0.1,
-    show_default=True,
-    help="Parts nearer than this part of the model's extent may become one object.",
-)
-@click.option(
-    "--cluster-cardinality",
-    type=float,
-    default=1500,
-    show_default=True,
-    help="About how many parts one object is made of at most.",
-)
-@click.option(
-    "--cluster-volume",
-    type=float,
-    help="Largest box of an object of several parts, as a part of the model's.  0: none are joined.",
-)
-@click.option(
-    "--visibility-engine",
-    type=click.Choice(["flooded-occluders", "shrunk-occluders"]),
-    default="flooded-occluders",
-    show_default=True,
-    help="How what is hidden is found. shrunk-occluders: as in the vLOD paper, to compare with: safe too, but slower, "
-    "and cells hold more.",
-)
-@click.option("--units", metavar="UNIT", help="Length unit of the input (mm, m, in ...). Default: what the files say.")
-@click.option("--up", type=click.Choice(["x", "y", "z"]), help="Axis that points up. Default: what the files say.")
-@click.option(
-    "--executor",
-    type=click.Choice(["auto", "serial", "ray"]),
-    default="auto",
-    show_default=True,
-    help="Where tasks run. auto: on Ray if a cluster's address is given (--ray-address or RAY_ADDRESS), or if Ray is "
-    "installed and there are two cores or more; but one by one in this process as long as an input of less than 4 MB "
-    "takes less than 10 seconds.",
-)
-@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks at once on Ray. Default: all cores.")
-@click.option("--ray-address", metavar="ADDRESS", help="Join this Ray cluster. Default: start Ray on this machine.")
-@click.option(
-    "--memory",
-    type=Bytes(),
-    metavar="SIZE",
-    default="2GiB",
-    show_default=True,
-    help="What one task may need, such as 4GiB or 1500MB. What would need more is refused before it begins. Changes no "
-    "result.",
-)
-@click.option(
-    "--work",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Directory for finished tasks, on the store's disk; needless after the build. Default: STORE/work.",
-)
-@click.option("--report", type=click.Path(path_type=Path, dir_okay=False), help="Write the build report (JSON) here.")
-@click.option("--json", "as_json", is_flag=True, help="Print the build report as JSON.")
 def build(
     inputs: tuple[Path, ...],
     store: Path,
-    objects: str,
     executor: str,
     workers: int | None,
     ray_address: str | None,
@@ -174,7 +52,7 @@ def build(
     Finished tasks are kept: after an interrupt, a crash or a change, the same command goes on where it can.
     """
     from jobs.importing.inputs import total_bytes
-    from jobs.parameters import OBJECTS, BuildParameters
+    from jobs.parameters import BuildParameters
     from jobs.pipeline import build as build_store
     from jobs.running.choose_executor import AUTO_RAY_BYTES, choose_executor
     from storage.base.progress import progress_for
@@ -184,8 +62,7 @@ def build(
         raise click.UsageError(f"two things must be named: `vlod build {named}`")
     if report is not None:
         report.parent.mkdir(parents=True, exist_ok=True)
-    options.update({name: value for name, value in OBJECTS[objects].items() if options[name] is None})
-    parameters = BuildParameters(**options)
+    parameters = BuildParameters(**objects.filled_in(options))
     # What ends a job on a cluster is treated as the user's own interrupt: workers stop, what is finished is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     chosen = choose_executor(executor, workers, ray_address, total_bytes(inputs, AUTO_RAY_BYTES))
@@ -212,7 +89,7 @@ def build(
 )
 @click.option("--cells", type=click.IntRange(min=0), default=100, show_default=True, help="Cells to sample.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the sampling.")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes that cast rays.  [default: one for each core]")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes that work.  [default: one for each core]")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def verify(
@@ -225,13 +102,9 @@ def verify(
 
     try:
         with progress_for() as progress:
-            progress.start("verify")
-            report = verify_store(
-                store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress.update
-            )
-            progress.finish("sound" if report.ok else f"{len(report.problems) + report.untold} problems")
+            report = verify_store(store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress)
     except CorruptStoreError as error:
-        # So damaged that it cannot even be opened: for this command that is a failed check, not wrong usage.
+        # Its manifest is damaged, so there is no telling what it is: for this command a failed check, not wrong usage.
         click.echo(json.dumps({"store": store, "ok": False, "problems": [str(error)]}, indent=1) if as_json else error)
         context.exit(1)
     if as_json:
@@ -284,10 +157,12 @@ def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from storage.cli.info import MAY_MISS
+    from storage.cli.text import MAY_MISS
 
     table = Table(title=report["store"], show_header=False)
     table.add_row("cells", f"{report['cells']:,}")
+    if report["unreadable_cells"]:
+        table.add_row("cells in damaged shards", f"{report['unreadable_cells']:,}")
     table.add_row("boundaries checked", f"{report['boundaries']:,}")
     table.add_row("cells sampled", f"{report['sampled_cells']:,}")
     table.add_row("rays", f"{report['rays']:,}")

@@ -16,26 +16,38 @@ in, the results are put together in the order of their keys: the same model and 
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from jobs import plan, stages
-from jobs.parameters import BuildParameters, view_space
-from jobs.report.build_report import BuildReport, StageReport
-from jobs.running.executors import Executor, Then, no_more
+from jobs.parameters import BuildParameters
+from jobs.report.build_report import BuildReport
+from jobs.running.executors import Executor
 from jobs.running.memory import TASK_MEMORY, MemoryWatch
-from jobs.running.tasks import Stage, Task, TaskResult, find_finished
+from jobs.running.run import Run
 from jobs.running.workplace import Workplace
-from jobs.stages.detail import geometry_section_of
+from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
+from jobs.stages.common.build_state import BuildState, StageFile
+from jobs.stages.common.written_geometry import geometry_section_of
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
-from storage.model.cut import pixel_angle
+from storage.base.typed_json import from_json
 from storage.shards.manifest import Manifest, commit, current
-from storage.writer import cells_section
+from storage.shards.sections import ModelSection
+from storage.vlod_writer import cells_section
+
+#: The stages of a build in their order. Another one is a file in `jobs.stages` and a line here.
+STAGES: tuple[StageFile, ...] = (
+    import_model,
+    pieces,
+    hierarchy,
+    shared,
+    nodes,
+    tables,
+    cells,
+    layout,
+    shards,
+)
 
 
 def build(
@@ -56,7 +68,7 @@ def build(
     written.
     """
     began = time.perf_counter()
-    angle = pixel_angle(parameters.screen_height, parameters.field_of_view)
+    angle = parameters.pixel_angle()
     place = Workplace((work or store / "work").absolute(), store.absolute())
     for path in (place.store, place.work):
         if path.exists() and not path.is_dir():
@@ -64,36 +76,22 @@ def build(
     current(place.store)  # what the build will be the next version of: better to know now that it cannot be
     with place.made(), place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = Run(place, executor, progress or Silent(), watch, memory)
+        state = BuildState(place, inputs, parameters)
+        run_stages(STAGES, run, state)
 
-        imported, tables = make_geometry(run, inputs, parameters)
-        model = imported.record["model"]
-        lo, hi, origin = (np.asarray(model[name], np.float64) for name in ("lo", "hi", "origin"))
-        space = view_space(parameters, lo, hi, origin)
-
-        cell_parameters = plan.cell_parameters(parameters, space, angle)
-        subtrees = plan.CellsPlan(tables, cell_parameters)
-        waves = run.all(stages.CELLS, [subtrees.first(place)], subtrees.then)
-        cells = sorted(
-            (wave for wave in waves if wave.record["cells"]), key=lambda wave: int(wave.task.payload["root"])
-        )
-        if not cells:
-            raise ParameterError("no view cell lies in the view space: choose a larger --view-box or --region")
-        layout = run.one(plan.layout_task(cells))
-        shards = run.all(stages.SHARDS, plan.shard_tasks(place, layout, cells))
-
-        names = [str(shard.record["shards"][0][0]) for shard in shards]
+        imported = state.one(import_model.STAGE)
         manifest = Manifest(
-            model=model,
+            model=from_json(ModelSection, imported.record["model"], "the model"),
             pixel_angle=angle,
             parameters=parameters.to_json(),
-            geometry=geometry_section_of(place, tables.key),
-            cells=cells_section(place.store, space.octree, names),
+            geometry=geometry_section_of(place, tables.STAGE.name, state.one(tables.STAGE).key),
+            cells=cells_section(place.store, state.view_space(imported).octree, shards.written_shards(state)),
         )
         version = commit(place.store, manifest)
     return BuildReport(
         store=str(store),
         version=version,
-        model=dict(model),
+        model=dict(imported.record["model"]),
         repairs=dict(imported.record["repairs"]),
         parameters=parameters.to_json(),
         executor=executor.name,
@@ -106,90 +104,11 @@ def build(
     )
 
 
-def make_geometry(run: Run, inputs: Sequence[Path], parameters: BuildParameters) -> tuple[TaskResult, TaskResult]:
-    """Model files to the hierarchy with all its levels: the results of the import and of the tables."""
-    imported = run.one(plan.import_task(inputs, parameters))
-    return imported, make_levels(run, imported, parameters)
-
-
-def make_levels(run: Run, imported: TaskResult, parameters: BuildParameters) -> TaskResult:
-    """An imported model to the hierarchy with all its levels: the result of the tables."""
-    pieces = run.all(stages.PIECES, plan.pieces_tasks(run.place, imported, parameters))
-    hierarchy = run.one(plan.hierarchy_task(imported, pieces, parameters))
-    shared = run.all(stages.SHARED, plan.shared_tasks(imported, pieces, hierarchy, parameters))
-    fragments = plan.NodesPlan(run.place, imported, pieces, hierarchy, shared, parameters)
-    nodes = run.all(stages.NODES, fragments.first(), fragments.then)
-    in_tree = sorted(nodes, key=lambda result: int(result.task.payload["root"]))
-    return run.one(plan.tables_task(imported, hierarchy, [*shared, *in_tree]))
-
-
-class Run:
-    """Runs stages one after the other and notes what they took."""
-
-    def __init__(
-        self, place: Workplace, executor: Executor, progress: Progress, watch: MemoryWatch, memory: int = TASK_MEMORY
-    ) -> None:
-        """memory: that a task may need, in bytes."""
-        self.memory = memory
-        self.place = place
-        self.executor = executor
-        self.progress = progress
-        self.watch = watch
-        self.reports: list[StageReport] = []
-
-    def one(self, task: Task) -> TaskResult:
-        """The result of a stage of one task."""
-        return self.all(task.stage, [task])[0]
-
-    def all(self, stage: Stage, tasks: Iterable[Task], then: Then = no_more) -> list[TaskResult]:
-        """The results of a stage's tasks: first those of `tasks` in their order, then those that followed, by key.
-
-        Raises MemoryLimitError for a task that would need too much memory, before it begins.
-        """
-        given = list(tasks)
-        self._check(given)
-        known = len(given)
-        began = time.perf_counter()
-        self.watch.restart()
-        self.progress.start(stage.name)
-        self.progress.update(0, known)
-
-        def follow(result: TaskResult) -> list[Task]:
-            nonlocal known
-            more = list(then(result))
-            self._check(more)
-            known += len(more)
-            return more
-
-        results: dict[str, TaskResult] = {}
-        with contextlib.closing(self.executor.run(given, self.place, follow)) as finished:
-            for result in finished:
-                results[result.key] = result
-                self.progress.update(len(results), known)
-        report = _stage_report(stage, list(results.values()), time.perf_counter() - began, self.watch.restart())
-        self.reports.append(report)
-        reused = f", {report.reused} finished before" if report.reused else ""
-        self.progress.finish(f"{len(results)} task{'s' if len(results) != 1 else ''}{reused}")
-        ordered = [results.pop(task.key) for task in given]
-        return ordered + [results[key] for key in sorted(results)]
-
-    def _check(self, tasks: Iterable[Task]) -> None:
-        for task in tasks:
-            if task.memory > self.memory and find_finished(task, self.place) is None:
-                raise plan.too_large(task, self.memory)
-
-
-def _stage_report(stage: Stage, results: Sequence[TaskResult], seconds: float, peak: int) -> StageReport:
-    return StageReport(
-        name=stage.name,
-        run=sum(not result.reused for result in results),
-        reused=sum(result.reused for result in results),
-        seconds=round(seconds, 3),
-        core_seconds=round(sum(result.core_seconds for result in results), 3),
-        peak_memory=peak,
-        peak_task_memory=max((result.peak_memory for result in results), default=0),
-        shard_bytes=sum(size for result in results for _, size in result.record.get("shards", ())),
-    )
+def run_stages(stages: Iterable[StageFile], run: Run, state: BuildState) -> None:
+    """Runs stages in their order; their results join the state."""
+    for stage in stages:
+        first, followers_of = stage.tasks(state)
+        state.results[stage.STAGE.name] = run.all(stage.STAGE, first, followers_of)
 
 
 def _shard_bytes(manifest: Manifest) -> dict[str, int]:

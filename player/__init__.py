@@ -2,14 +2,17 @@
 
 Imports `storage` and nothing else of this project. Read in this order:
 
-    view          camera, projection, frustum test
-    strategies/   which drawables for this view? one file each: vlod, frustum, none
-    prefetch      threads that load ahead of the motion
-    colours       what the colours show: the model's own, objects, levels
-    cache         what stays on the GPU, within a budget of bytes
+    camera/       where one looks from, ways to steer, recorded paths
+    shown_model   what the rest knows of a store: its tables, with boxes laid out for fast tests
+    strategies/   which drawables for this view? one file each
+    loading/      how geometry comes to the GPU: loaded ahead, kept within a budget, stood in for meanwhile
+    colouring/    what the colours show, one file each
     renderer/     buffers, instances, shaders, draw calls
     walkthrough   one frame: choose, load, draw, count
-    path, tour    recorded paths, and the automatic tour
-    headless, compare, window, controls    the two ways to watch, and the comparison of pictures
+    tour/         automatic tours, one file a kind
+    shells/       the two ways to watch, and the comparison of pictures
+    offers        what a user can choose by name: the lists of strategies, colourings, ways to steer, tours
+    options       the options of the commands, in groups
     commands      `vlod play` and `vlod path`
+    errors        what can go wrong here and nowhere else
 """

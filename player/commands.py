@@ -5,28 +5,22 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from storage.base.amounts import Bytes
+from player import colouring
+from player.options import Drawing, GroupedCommand, Headless, InWindow, Loading, Picture, Way, options_of, taken
+
+if TYPE_CHECKING:
+    from player.shells.headless import Report, Screen
+    from player.shown_model import ShownModel
+    from player.walkthrough import Settings
 
 
-class _Size(click.ParamType):
-    """A picture's size, such as 1280x720."""
-
-    name = "WxH"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        width, _, height = str(value).lower().partition("x")
-        if not (width.isdecimal() and height.isdecimal() and 1 <= int(width) <= 16384 and 1 <= int(height) <= 16384):
-            self.fail(f"{value!r} is not a size in pixels such as 1280x720 (at most 16384 either way)", param, ctx)
-        return int(width), int(height)
-
-
+@options_of(Drawing, Way, Picture, Loading, Headless, InWindow)
 @click.command(
+    cls=GroupedCommand,
     no_args_is_help=True,
     epilog="""\b
 Examples:
@@ -36,129 +30,47 @@ Examples:
   vlod play plant.store --headless --colours objects --frames frames""",
 )
 @click.argument("store")
-@click.option("--headless", is_flag=True, help="Render a path without a window, to files.")
-@click.option(
-    "--path",
-    "path_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Path file to follow. Default: an automatic tour.",
-)
-@click.option("--frames", type=click.Path(path_type=Path, file_okay=False), help="Headless: write PNG frames here.")
-@click.option(
-    "--report", type=click.Path(path_type=Path, dir_okay=False), help="Headless: write the report (JSON) here."
-)
-@click.option("--json", "as_json", is_flag=True, help="Headless: print the report's totals as JSON.")
-@click.option(
-    "--compare",
-    type=click.Choice(["none"]),
-    help="Headless: also render the full model (strategy none), compare each frame with it, and exit with 1 if a frame "
-    "has a hole or if more than 1 % of its pixels differ by more than 16 levels.",
-)
-@click.option(
-    "--tour-frames", type=click.IntRange(1), default=120, show_default=True, help="Frames of the automatic tour."
-)
-@click.option(
-    "--fps", type=click.FloatRange(min=0.01), help="Headless: frames a second of the path. Default: its own poses."
-)
-@click.option(
-    "--strategy",
-    type=click.Choice(["vlod", "frustum", "none"]),
-    default="vlod",
-    show_default=True,
-    help="What to draw: the cells' vLODs, culling at run time, or everything.",
-)
-@click.option(
-    "--pixel-error",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Allowed error in pixels of the screen that the store was built for. Default: as it was built.",
-)
-@click.option("--size", type=_Size(), default="1280x720", show_default=True, help="Of the picture, in pixels.")
-@click.option(
-    "--field-of-view",
-    type=click.FloatRange(1, 170),
-    help="Vertical, in degrees. Default: what the store was built for.",
-)
-@click.option("--samples", type=click.Choice(["0", "2", "4", "8"]), default="0", show_default=True, help="Per pixel.")
-@click.option("--cache", type=Bytes(), default="1GiB", show_default=True, help="Budget of geometry on the GPU.")
-@click.option("--threads", type=click.IntRange(1, 64), default=4, show_default=True, help="That load geometry.")
-@click.option("--prefetch/--no-prefetch", default=True, show_default=True, help="Load ahead of the motion.")
-@click.option(
-    "--wait/--no-wait",
-    default=True,
-    show_default=True,
-    help="Headless: frames wait for their geometry, so that pictures do not depend on the disk's or network's speed.",
-)
-@click.option(
-    "--fog", type=click.FloatRange(min=0), default=0.0, show_default=True, help="Fade with distance, per model unit."
-)
-@click.option(
-    "--colours",
-    type=click.Choice(["model", "objects", "levels"]),
-    default="model",
-    show_default=True,
-    help="objects: each object, and each node above them, in a colour of its own. levels: leaves from dark green "
-    "(finest) to yellow, nodes above them from orange to blue (the root).",
-)
-@click.option("--gl33", is_flag=True, help="Use no more than OpenGL 3.3, as on old drivers.")
-@click.option(
-    "--output",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path(),
-    help="Window: directory of screenshots and recorded paths. Default: the current one.",
-)
 @click.pass_context
-def play(context: click.Context, /, store: str, headless: bool, path_file: Path | None, **options: Any) -> None:
+def play(context: click.Context, /, store: str, **values: Any) -> None:
     """Walk through a STORE (a directory or URL), in a window or headless.
 
-    In the window, press H for the keys. Where no cells were computed, the model is culled at run time.
+    In the window, press H for the keys. Where no cells were computed, the model is culled at run time. What cannot be
+    read is said, stood in for by other levels, and tried again.
     """
+    drawing, way, headless = taken(Drawing, values), taken(Way, values), taken(Headless, values)
+    headless.check()
+    if headless.compare and drawing.colours != colouring.COLOURINGS[0].name:
+        raise click.UsageError("--compare compares the model's own colours: leave --colours out")
     from player.camera.path import read_path
-    from player.scene import scene_of
-    from player.tour.tour import make_tour, survey
-    from player.walkthrough import Settings
+    from player.shown_model import shown_model
+    from player.tour.survey import survey
+    from player.tour.tour import make_tour
     from storage.store import open_store
 
+    path = read_path(way.path_file) if way.path_file is not None else None
+    settings = _settings(drawing, taken(Loading, values))
     _tell_of_compiling(context)
-    scene = scene_of(open_store(store))
-    path = read_path(path_file) if path_file is not None else None
-    settings = Settings(
-        strategy=options["strategy"],
-        pixel_error=options["pixel_error"],
-        cache_bytes=options["cache"],
-        threads=options["threads"],
-        wait=options["wait"],
-        prefetch=options["prefetch"],
-        fog=options["fog"],
-        colours=options["colours"],
-    )
-    if headless:
-        if not (options["frames"] or options["report"] or options["as_json"]):
-            raise click.UsageError("nothing to do: give --frames DIR, --report FILE or --json")
-        if options["compare"] and options["colours"] != "model":
-            raise click.UsageError("--compare compares the model's own colours: leave --colours out")
-        path = path or make_tour(scene, survey(scene), frames=options["tour_frames"], seed=0)
-        if options["fps"] is not None:
-            path = path.resampled(options["fps"])
-        if not _play_headless(scene, path, settings, options):
+    model = shown_model(open_store(store))
+    screen = _screen(model, taken(Picture, values))
+    make = partial(make_tour, model, frames=way.tour_frames, seed=0, kind=way.tour)
+    if headless.headless:
+        path = path or make(survey(model))
+        if headless.fps is not None:
+            path = path.resampled(headless.fps)
+        if not _play_headless(model, path, screen, settings, headless):
             context.exit(1)
         return
-    for name in ("frames", "report", "as_json", "compare", "fps"):
-        if options[name]:
-            raise click.UsageError(f"--{name.removeprefix('as_')} needs --headless")
     from player.shells.window import WindowOptions, run
 
-    known = survey(scene)
-    run(
-        scene,
-        settings,
-        WindowOptions(
-            screen=_screen(scene, options),
-            path=path or make_tour(scene, known, frames=options["tour_frames"], seed=0),
-            replay=path is not None,
-            output=options["output"],
-            eye_height=known.eye_height,
-        ),
+    known = survey(model)
+    options = WindowOptions(
+        screen=screen,
+        path=path or make(known),
+        replay=path is not None,
+        output=taken(InWindow, values).output,
+        eye_height=known.eye_height,
     )
+    run(model, settings, options)
 
 
 @click.command(no_args_is_help=True, epilog="Example: vlod path plant.store -o tour.json --frames 240")
@@ -168,25 +80,27 @@ def play(context: click.Context, /, store: str, headless: bool, path_file: Path 
 )
 @click.option("--frames", type=click.IntRange(1), default=120, show_default=True, help="Poses, 25 a second.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Another number, another tour.")
+@Way.KIND
 @click.pass_context
-def path(context: click.Context, /, store: str, output: Path | None, frames: int, seed: int) -> None:
+def path(context: click.Context, /, store: str, output: Path | None, frames: int, seed: int, tour: str | None) -> None:
     """Make an automatic tour through a STORE, as a path file for `vlod play --path`.
 
     The tour keeps clear of surfaces, stays in computed cells where there are any, and looks ahead.
     """
     from player.camera.path import path_text, write_path
-    from player.scene import scene_of
-    from player.tour.tour import make_tour, survey
+    from player.shown_model import shown_model
+    from player.tour.survey import survey
+    from player.tour.tour import make_tour
     from storage.store import open_store
 
     _tell_of_compiling(context)
-    scene = scene_of(open_store(store))
-    tour = make_tour(scene, survey(scene), frames=frames, seed=seed)
+    model = shown_model(open_store(store))
+    made = make_tour(model, survey(model), frames=frames, seed=seed, kind=tour)
     if output is None:
-        click.echo(path_text(tour), nl=False)
+        click.echo(path_text(made), nl=False)
     else:
-        write_path(output, tour)
-        click.echo(f"{output}: {len(tour)} poses, {tour.duration:.1f} s, {tour.length:.6g} model units")
+        write_path(output, made)
+        click.echo(f"{output}: {len(made)} poses, {made.duration:.1f} s, {made.length:.6g} model units")
 
 
 def _tell_of_compiling(context: click.Context) -> None:
@@ -196,40 +110,60 @@ def _tell_of_compiling(context: click.Context) -> None:
     context.with_resource(listening(WhenLong(partial(click.echo, notice("a minute"), err=True))))
 
 
-def _screen(scene: Any, options: dict[str, Any]) -> Any:
+def _settings(drawing: Drawing, loading: Loading) -> Settings:
+    from player.walkthrough import Settings
+
+    return Settings(
+        strategy=drawing.strategy,
+        pixel_error=drawing.pixel_error,
+        cache_bytes=loading.cache,
+        threads=loading.threads,
+        wait=loading.wait,
+        prefetch=loading.prefetch,
+        fog=drawing.fog,
+        colours=drawing.colours,
+    )
+
+
+def _screen(model: ShownModel, picture: Picture) -> Screen:
     from player.shells.headless import Screen
 
-    field = options["field_of_view"] or float(scene.store.manifest.parameters.get("field_of_view", 60.0))
-    width, height = options["size"]
-    return Screen(width, height, field, int(options["samples"]), options["gl33"])
+    field = picture.field_of_view or float(model.store.manifest.parameters.get("field_of_view", 60.0))
+    return Screen(*picture.size, field, int(picture.samples), picture.gl33)
 
 
-def _play_headless(scene: Any, path: Any, settings: Any, options: dict[str, Any]) -> bool:
-    """Renders, writes and prints what was asked for; False if the comparison failed."""
+def _play_headless(model: ShownModel, path: Any, screen: Screen, settings: Settings, headless: Headless) -> bool:
+    """Renders, writes and prints what was asked for; False if a picture is not what it should be."""
     from player.shells.headless import play as render_path
     from player.shells.headless import write_report
+    from storage.base.progress import progress_for
 
-    with _Bar() as bar:
+    with progress_for() as progress:
         report = render_path(
-            scene,
+            model,
             path,
-            _screen(scene, options),
+            screen,
             settings,
-            frames=options["frames"],
-            compare=options["compare"] is not None,
-            progress=bar,
+            frames=headless.frames,
+            compare=headless.compare is not None,
+            progress=progress,
         )
-    if options["report"] is not None:
-        write_report(options["report"], report)
-    summary = {key: report.content[key] for key in ("totals", "compare") if key in report.content}
-    if options["as_json"]:
+    if headless.report is not None:
+        write_report(headless.report, report)
+    totals = report.content["totals"]
+    if totals["troubles"]:
+        said = "; ".join(totals["troubles"][:3])
+        click.echo(f"{totals['lacking_frames']} frames lack what cannot be read: {said}", err=True)
+    if headless.as_json:
+        summary = {key: report.content[key] for key in ("totals", "compare") if key in report.content}
         click.echo(json.dumps(summary, indent=1))
     else:
-        _print_summary(report.content)
+        _print_summary(report)
     return report.passed
 
 
-def _print_summary(content: dict[str, Any]) -> None:
+def _print_summary(report: Report) -> None:
+    content = report.content
     totals = content["totals"]
     click.echo(
         f"{totals['frames']} frames, {totals['computed_frames']} from computed cells: "
@@ -237,6 +171,11 @@ def _print_summary(content: dict[str, Any]) -> None:
         f"{totals['frame_ms']['median']:.1f} ms a frame, {totals['cpu_ms']['median']:.2f} ms of it choosing, "
         f"{totals['bytes_fetched'] / 1e6:.1f} MB fetched"
     )
+    if totals["approximate_frames"]:
+        click.echo(
+            f"{totals['approximate_frames']} frames are approximate: their lists are carried over from the pixel error "
+            "that the store was built for"
+        )
     compared = content.get("compare")
     if compared is not None:
         click.echo(
@@ -244,32 +183,3 @@ def _print_summary(content: dict[str, Any]) -> None:
             f"at most {100 * compared['largest_differing']:.3f} % of a frame's pixels differ "
             f"(frame {compared['worst_frame']} is the worst)"
         )
-
-
-class _Bar:
-    """Progress on standard error: a bar on a terminal, nothing elsewhere."""
-
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        console = Console(stderr=True)
-        self._progress = Progress(
-            TextColumn("rendering"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._task = self._progress.add_task("rendering", total=None)
-
-    def __enter__(self) -> _Bar:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def __call__(self, done: int, total: int) -> None:
-        self._progress.update(self._task, completed=done, total=total)

@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Literal
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player import colouring, strategies
 from player.camera.view import Vector, View, looking
-from player.colours import Colours, tints
-from player.loading.packs import Packs
+from player.loading.packs import Packs, packs_of
 from player.loading.stand_ins import stand_ins
+from player.offers import named
 from player.renderer.context import Abilities
 from player.renderer.draw_list import draw_tables
 from player.renderer.renderer import Renderer, Style
 from player.renderer.target import Target
-from player.scene import Scene
-from player.strategies.frustum import Frustum
-from player.strategies.none import NoCulling
+from player.shown_model import ShownModel
 from player.strategies.strategy import Strategy
-from player.strategies.vlod import Vlod
 from storage.model.cut import cut_within
-
-StrategyName = Literal["vlod", "frustum", "none"]
-
-STRATEGIES: tuple[StrategyName, ...] = ("vlod", "frustum", "none")
 
 #: The part of the cache that a coarse picture of the whole model may take, so that there is always something to draw.
 _BASE_SHARE = 0.25
@@ -39,7 +32,7 @@ _BASE_STEPS = 12
 class Settings:
     """How to walk through a store."""
 
-    strategy: StrategyName = "vlod"
+    strategy: str = strategies.STRATEGIES[0].name
     pixel_error: float | None = None  # in pixels of the screen that the store was built for; None: as it was built
     cache_bytes: int = 1 << 30  # budget of vertices and indices on the GPU
     threads: int = 4  # that load geometry
@@ -47,7 +40,7 @@ class Settings:
     prefetch: bool = True
     fog: float = 0.0  # fading into the distance, per model unit
     sky: bool = True
-    colours: Colours = "model"
+    colours: str = colouring.COLOURINGS[0].name
 
 
 @dataclass(frozen=True)
@@ -57,12 +50,15 @@ class FrameStatistics:
     strategy: str
     cell: int  # the view cell that holds the eye, -1 outside the computed ones
     computed: bool  # drawn from the cell's vLOD; False: by culling at run time, or everything
+    approximate: bool  # the vLOD is for another pixel error than the store was built for: something may lack
     drawables: int
     triangles: int
     turned_triangles: int  # of these drawables, left out because the cell can only see their backs
     draw_calls: int
     replaced: int  # nodes drawn at another level or by one above them, because the chosen level had not arrived
     absent: int  # nodes not drawn, because nothing of them or above them had arrived
+    unreadable: int  # packs and lists needed now that cannot be had, part of `replaced` and `absent`
+    trouble: str  # why one of them could not, or what damage was met while loading ahead; empty: all is well
     bytes_fetched: int  # from the store since it was opened
     cache_bytes: int  # vertices and indices on the GPU
     strategy_ms: float  # choosing the drawables
@@ -75,11 +71,11 @@ class FrameStatistics:
 class Walkthrough:
     """A store, a strategy and a renderer at work together in one context."""
 
-    def __init__(self, scene: Scene, context: moderngl.Context, able: Abilities, settings: Settings) -> None:
-        self.scene = scene
+    def __init__(self, model: ShownModel, context: moderngl.Context, able: Abilities, settings: Settings) -> None:
+        self.model = model
         self.settings = settings
         self.frozen: View | None = None  # choose the drawables for this view, whatever view is drawn
-        store = scene.store
+        store = model.store
         self.renderer = Renderer(
             context,
             able,
@@ -87,14 +83,15 @@ class Walkthrough:
             len(store.packs),
             store.instances["matrix"],
             store.grid.step,
-            Style(up=str(store.manifest.model["up"]), fog=settings.fog, sky=settings.sky),
+            Style(up=store.manifest.model.up, fog=settings.fog, sky=settings.sky),
         )
         arena, facets = self.renderer.arena, self.renderer.facets
         self.packs = Packs(store, arena, facets, budget=settings.cache_bytes, threads=settings.threads)
         self._context = context
-        self._pack_of = store.geometry["pack"].astype(np.int64)[store.drawables["geometry"]]
+        self._pack_of = packs_of(store)
+        self.strategy_name = settings.strategy
         self._strategy = self._make_strategy(settings.strategy)
-        self.colours: Colours = "model"
+        self.colours = colouring.COLOURINGS[0].name
         self.use_colours(settings.colours)
         self._last_position: np.ndarray | None = None
         if not settings.wait:
@@ -105,46 +102,52 @@ class Walkthrough:
         """The strategy in use."""
         return self._strategy
 
-    def use_strategy(self, name: StrategyName) -> None:
-        """Changes the strategy; what is on the GPU stays."""
-        if name != self._strategy.name:
+    def use_strategy(self, name: str) -> None:
+        """Changes the strategy; what is on the GPU stays. Raises ParameterError if there is none of that name."""
+        if name != self.strategy_name:
+            made = self._make_strategy(name, self._strategy.pixel_error)
             self._strategy.close()
-            self._strategy = self._make_strategy(name, self._strategy.pixel_error)
+            self._strategy, self.strategy_name = made, name
 
-    def use_colours(self, name: Colours) -> None:
-        """Changes what the colours show."""
+    def use_colours(self, name: str) -> None:
+        """Changes what the colours show. Raises ParameterError if there are none of that name."""
         if name != self.colours:
+            tints = named(colouring.COLOURINGS, name, "colouring").load()
+            self.renderer.paint(tints(self.model.store.nodes, self.model.store.drawables))
             self.colours = name
-            self.renderer.paint(tints(name, self.scene.store.nodes, self.scene.store.drawables))
 
     def frame(self, view: View, target: Target) -> FrameStatistics:
         """Draws `view` into `target`."""
         started = time.perf_counter()
         choice = self._strategy.choose(self.frozen or view)
         chosen = time.perf_counter()
-        packs, first = np.unique(self._pack_of[choice.drawables], return_index=True)
-        self.packs.need(packs[np.argsort(first)], wait=self.settings.wait)
+        packs = self._in_order(choice.drawables)
+        self.packs.need(packs, wait=self.settings.wait)
         loaded = time.perf_counter()
-        drawn = stand_ins(choice.drawables, self.scene, self._ready)
+        drawn = stand_ins(choice.drawables, self.model, self._ready)
         draws = self.renderer.prepare(drawn.drawables, choice.within)
         prepared = time.perf_counter()
         calls = self.renderer.draw(view, draws, target.framebuffer)
         target.resolve()
         self._context.finish()
         finished = time.perf_counter()
+        troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
         if self.settings.prefetch:
             self._prefetch(view)
         return FrameStatistics(
-            strategy=self._strategy.name,
+            strategy=self.strategy_name,
             cell=choice.cell,
             computed=choice.computed,
+            approximate=choice.approximate,
             drawables=draws.drawables,
             triangles=draws.triangles,
             turned_triangles=draws.turned,
             draw_calls=calls,
             replaced=drawn.replaced,
             absent=drawn.absent,
-            bytes_fetched=self.scene.store.bytes_fetched,
+            unreadable=len(troubles),
+            trouble=str(troubles[0] if troubles else self.packs.damage or ""),
+            bytes_fetched=self.model.store.bytes_fetched,
             cache_bytes=self.packs.cache.bytes,
             strategy_ms=1000 * (chosen - started),
             cpu_ms=1000 * (chosen - started + prepared - loaded),
@@ -159,9 +162,9 @@ class Walkthrough:
         Looks through a lens of 20 degrees at what the strategy would draw; infinite where there is nothing. up: any
         direction (3,) across it; probe: a small target to draw into.
         """
-        near = max(1e-5 * self.scene.extent, 2 * self.scene.store.grid.step)
+        near = max(1e-5 * self.model.extent, 2 * self.model.store.grid.step)
         width, height = probe.size
-        view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.scene.extent)
+        view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.model.extent)
         choice = self._strategy.choose(view)
         ids = choice.drawables[self._ready(choice.drawables)]
         self.renderer.draw(view, self.renderer.prepare(ids, choice.within), probe.framebuffer)
@@ -173,17 +176,19 @@ class Walkthrough:
         self.packs.close()
         self.renderer.release()
 
-    def _make_strategy(self, name: StrategyName, pixel_error: float | None = None) -> Strategy:
-        error = pixel_error or self.settings.pixel_error or self.scene.pixel_error
-        if name == "vlod":
-            return Vlod(self.scene, pixel_error=error, wait=self.settings.wait)
-        if name == "frustum":
-            return Frustum(self.scene, pixel_error=error)
-        return NoCulling(self.scene, pixel_error=error)
+    def _make_strategy(self, name: str, pixel_error: float | None = None) -> Strategy:
+        make = named(strategies.STRATEGIES, name, "strategy").load()
+        error = pixel_error or self.settings.pixel_error or self.model.pixel_error
+        return make(self.model, pixel_error=error, wait=self.settings.wait)
 
     def _ready(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of the drawables (n,) are on the GPU."""
         return self.packs.cache.resident[self._pack_of[ids]]
+
+    def _in_order(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The packs (k,) of drawables (n,), each once, in the order of their first."""
+        packs, first = np.unique(self._pack_of[ids], return_index=True)
+        return packs[np.argsort(first)]
 
     def _prefetch(self, view: View) -> None:
         last = self._last_position
@@ -191,14 +196,13 @@ class Walkthrough:
         self._last_position = view.position
         ahead = self._strategy.ahead(view, motion)
         if ahead is not None:
-            packs, first = np.unique(self._pack_of[ahead], return_index=True)
-            self.packs.prefetch(packs[np.argsort(first)])
+            self.packs.prefetch(self._in_order(ahead))
         if self.settings.wait:
             self.packs.settle()
 
     def _load_base(self) -> None:
         """Keeps the finest picture of the whole model that takes no more than its share of the cache."""
-        store, error = self.scene.store, self.scene.extent
+        store, error = self.model.store, self.model.extent
         kept: NDArray[np.int64] | None = None
         for _ in range(_BASE_STEPS):
             cut = cut_within(store.nodes, store.drawables, error)

@@ -1,27 +1,21 @@
 """What vLOD stores, and how it is read and written. Imports neither `jobs` nor `player`.
 
 Read in this order:
-    tables      what is stored about a model, as numpy structured dtypes
-    octree      keys of view cells, neighbours, point location
-    tree        walking the hierarchy of nodes
-    detail      which nodes stand for the model, and at which level
-    store       opening a store and reading from it
-    writer      writing one
-    manifest    versions, and what makes a directory a store
-    frames      shards: immutable files of checksummed frames; columns: tables as frames
-    geometry    packs of meshes, made of
-                mesh_order    the order that meshes compress well in
-                connectivity  triangles as a byte each, and what they foretell of positions
-                wedges        vertices that share a position
-                normals       of triangles; unit vectors as two small integers
-                planes        arrays as byte planes
-    facets      triangles by direction, and what a cell can only see from behind
-    deltas      changes between neighbouring cells; codecs/: their codes; spanning_tree: which of them rebuild a cell
-    files       local and remote files; cache: what was decoded last; temporary: names of what is being written
-    kernels     how inner loops are compiled
-    errors      everything that can go wrong, as one tree
-    command     `vlod`, the command line; info: `vlod info`
-FORMAT.md describes the files byte by byte.
+    model/             what a store holds of a model: its tables, its hierarchy, and cuts through it
+    cells/             view cells: the octree that they lie in, the changes between neighbours, the codes of these
+    meshes/            packs of meshes, their place in model space, and their facets
+    shards/            files: immutable shards of checksummed frames, and the manifest that names them
+    geometry_reader    reading geometry
+    vlod_reader        reading what can be seen from cells
+    store              opening a store, and all that can be read from it
+    check              every byte of a store against its checksums
+    geometry_writer    writing geometry, and the order in which a store is written
+    vlod_writer        writing what can be seen from cells
+    cli/               `vlod`, the command line, and `vlod info`
+    base/              errors, kernels and other things that all of it uses
+
+FORMAT.md describes the files byte by byte. The rooms model, cells, meshes and shards do not know of each other: the
+modules beside them put them together.
 """
 
 from __future__ import annotations

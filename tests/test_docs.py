@@ -8,9 +8,9 @@ import click
 import pytest
 
 from jobs import commands as jobs_commands
-from jobs import plan
 from jobs.importing.formats.gltf.textures import TEXTURES_KEPT
-from jobs.running.memory import TASK_MEMORY
+from jobs.running.memory import PROCESS, TASK_MEMORY
+from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
 from storage.base.amounts import format_size, parse_size
 
 MEMORY = (Path(__file__).parents[1] / "docs" / "memory.md").read_text()
@@ -39,15 +39,17 @@ def test_the_docs_know_the_option_and_its_default():
 @pytest.mark.parametrize(
     ("step", "numbers"),
     [
-        ("pieces", [plan.PIECES_TRIANGLES, plan.PIECES_PER_TRIANGLE]),
-        ("hierarchy", [plan.HIERARCHY_PER_PIECE]),
-        ("shared", [plan.SHARED_PER_TRIANGLE, plan.SHARED_PER_PLACEMENT, plan.SHAPES_PER_PIECE]),
-        ("nodes", [plan.NODES_TRIANGLES, plan.DETAIL_PER_TRIANGLE, plan.SHAPES_PER_PIECE]),
-        ("tables", [plan.TABLES_PER_NODE]),
-        ("cells", [plan.CELLS_PER_TRIANGLE, plan.CELLS_REST >> 20, plan.CELLS_SEALED_PER_TRIANGLE]),
+        ("pieces", [pieces.TRIANGLES, pieces.PER_TRIANGLE]),
+        ("hierarchy", [hierarchy.PER_PIECE]),
+        ("shared", [shared.PER_TRIANGLE, shared.PER_PLACEMENT, hierarchy.SHAPES_PER_PIECE]),
+        ("nodes", [nodes.TRIANGLES, nodes.PER_TRIANGLE, hierarchy.SHAPES_PER_PIECE]),
+        ("tables", [tables.PER_NODE]),
+        ("cells", [cells.PER_TRIANGLE, cells.REST >> 20, cells.SEALED_PER_TRIANGLE]),
+        ("layout", [layout.PER_CELL]),
+        ("shards", [shards.PER_ID, shards.PER_CELL]),
         ("GLB, glTF", [TEXTURES_KEPT >> 20]),
-        ("step", [plan.PROCESS >> 20]),
-        ("import", [plan.IMPORT_PROCESS >> 20]),
+        ("step", [PROCESS >> 20]),
+        ("import", [import_model.PROCESS >> 20]),
     ],
 )
 def test_the_docs_give_the_numbers_of_the_plan(step, numbers):

@@ -14,8 +14,8 @@ import numpy as np
 
 from jobs.visibility.engine import CellVisibility
 from storage.base.errors import ParameterError
+from storage.geometry_reader import Geometry
 from storage.model.cut import coarsest_triangles
-from storage.store import Geometry
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from embreex import rtcore_scene
@@ -16,6 +17,8 @@ from embreex.mesh_construction import TriangleMesh
 
 #: A ray goes through at most this many backs of one-sided drawables.
 MOST_PASSES = 64
+#: Triangles of which it is found out at once to which side they face.
+SIDES_AT_ONCE = 1 << 16
 #: Rays per suspected drawable that are confirmed in double precision before it is let go.
 CONFIRMATIONS = 8
 
@@ -28,6 +31,38 @@ class Sight:
     origin: tuple[float, float, float]
     direction: tuple[float, float, float]
     distance: float
+
+
+class Triangles(Protocol):
+    """What rays from a cell can meet: the triangles of things, numbered on from one thing to the next."""
+
+    @property
+    def things(self) -> np.ndarray:
+        """(k,) int64 names of the things, increasing."""
+        ...
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(k + 1,) int64: triangles starts[i] ... starts[i + 1] - 1 are those of thing i."""
+        ...
+
+    def corners(self, numbers: np.ndarray) -> np.ndarray:
+        """The corners (n, 3, 3) float32 of triangles (n,), in model units."""
+        ...
+
+    def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
+
+        Returns the triangles (n,) int64, -1 where nothing is hit, and the distances (n,) float64 in ray lengths.
+        """
+        ...
+
+    def confirmed(self, origins: np.ndarray, directions: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Distances (n,) float64 at which rays (n, 3) float32 meet triangles (n,), in double precision and ray lengths.
+
+        nan where another thing's triangle that counts comes first, or lies at the very same place.
+        """
+        ...
 
 
 class _Scene:
@@ -55,19 +90,50 @@ class _Scene:
 class Oracle:
     """All triangles of one cell's cut, ready for rays."""
 
-    def __init__(self, triangles: np.ndarray, owner: np.ndarray, one_sided: np.ndarray) -> None:
+    def __init__(
+        self,
+        triangles: np.ndarray,
+        owner: np.ndarray,
+        one_sided: np.ndarray,
+        cell: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
         """Take the cut.
 
         Args:
             triangles: (m, 3, 3) float32 corners in model units.
             owner: (m,) int64 drawable of each triangle.
             one_sided: (m,) bool: hits on the triangle's back do not count; the ray goes on.
+            cell: lo and hi (3,) float64 of the box in which all rays begin, in model units; None: they begin anywhere.
+
+        Which side of a triangle a ray meets is known from where it begins. So triangles that turn their backs to the
+        whole cell are left out, and of those that turn their fronts to all of it every hit counts.
         """
         self._triangles = triangles
         self._owner = owner
         self._one_sided = one_sided
-        self._scene = _Scene(triangles, np.arange(len(triangles)))
-        self._turned: list[_Scene] | None = None
+        fronts, backs = ~one_sided, np.zeros(len(triangles), np.bool_)
+        if cell is not None:
+            for first in range(0, len(triangles), SIDES_AT_ONCE):
+                some = slice(first, first + SIDES_AT_ONCE)
+                in_front, behind = _sides(triangles[some], *cell)
+                fronts[some] |= in_front
+                backs[some] = behind & one_sided[some]
+        self._fronts = np.flatnonzero(fronts)
+        self._mixed = np.flatnonzero(~fronts & ~backs)
+
+    @cached_property
+    def things(self) -> np.ndarray:
+        """See `Triangles`."""
+        return np.unique(self._owner)
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """See `Triangles`."""
+        return np.append(np.searchsorted(self._owner, self.things), len(self._owner))
+
+    def corners(self, numbers: np.ndarray) -> np.ndarray:
+        """See `Triangles`."""
+        return self._triangles[numbers]
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
@@ -78,13 +144,35 @@ class Oracle:
         such as that of a slab which touches a wall that the ray leaves. So rays that meet a back first are cast again,
         in scenes of which none holds two one-sided triangles that lie back to back.
         """
-        found, distance = self._scene.hit(origins, directions)
-        if not len(self._triangles):
+        found, distance = self._front_scene.hit(origins, directions)
+        if not len(self._mixed):
             return found, distance
-        back = self._backs(found, directions)
-        if back.any():
-            found[back], distance[back] = self._cast_through_backs(origins[back], directions[back])
-        return found, distance
+        other, along = self._mixed_scene.hit(origins, directions)
+        back = np.flatnonzero(self._backs(other, directions) & (along < distance))
+        if len(back):
+            other[back], along[back] = self._cast_through_backs(origins[back], directions[back], distance[back])
+        nearer = along < distance
+        return np.where(nearer, other, found), np.where(nearer, along, distance)
+
+    @cached_property
+    def _front_scene(self) -> _Scene:
+        """Triangles whose hits all count."""
+        return _Scene(self._triangles, self._fronts)
+
+    @cached_property
+    def _mixed_scene(self) -> _Scene:
+        """Triangles whose fronts count and whose backs do not."""
+        return _Scene(self._triangles, self._mixed)
+
+    @cached_property
+    def _turned_scenes(self) -> list[_Scene]:
+        """The same, parted so that no two of a scene lie back to back."""
+        corners = self._triangles[self._mixed].astype(np.float64)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        axis = np.abs(normal).argmax(axis=1)
+        # the six directions into which normals point most: opposite normals never share one
+        turn = 2 * axis + (normal[np.arange(len(axis)), axis] < 0)
+        return [_Scene(self._triangles, self._mixed[turn == k]) for k in range(6)]
 
     def _backs(self, triangles: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) bool: which hits are on backs that do not count, of triangles (n,), -1 for none."""
@@ -93,19 +181,13 @@ class Oracle:
         back: np.ndarray = (triangles >= 0) & self._one_sided[triangles] & ((normal * directions).sum(axis=1) > 0)
         return back
 
-    def _cast_through_backs(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `cast`, scene by scene."""
-        if self._turned is None:
-            corners = self._triangles.astype(np.float64)
-            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            axis = np.abs(normal).argmax(axis=1)
-            # the six directions into which normals point most: opposite normals never share one; 6: two-sided
-            turn = 2 * axis + (normal[np.arange(len(axis)), axis] < 0)
-            turn[~self._one_sided] = 6
-            self._turned = [_Scene(self._triangles, np.flatnonzero(turn == k)) for k in range(7)]
+    def _cast_through_backs(
+        self, origins: np.ndarray, directions: np.ndarray, farthest: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `cast`, scene by scene, of triangles that show fronts or backs; nothing beyond `farthest` (n,)."""
         nearest = np.full(len(origins), -1, np.int64)
-        distance = np.full(len(origins), np.inf)
-        for scene in self._turned:
+        distance = farthest.copy()
+        for scene in self._turned_scenes:
             waiting = np.arange(len(origins))
             gone = np.zeros(len(origins))
             for _ in range(MOST_PASSES):
@@ -121,6 +203,7 @@ class Oracle:
                 waiting = waiting[ahead]
                 if not len(waiting):
                     break
+        distance[nearest < 0] = np.inf
         return nearest, distance
 
     @cached_property
@@ -139,23 +222,58 @@ class Oracle:
         Returns:
             The distance in ray lengths, or nan where another drawable's triangle that counts comes first.
         """
-        o, d = origin.astype(np.float64), direction.astype(np.float64)
-        t, inside = _intersect(self._triangles[[triangle]].astype(np.float64), o, d, -1e-7)
-        if not inside[0]:
+        distance = distance_to(self._triangles[triangle], origin, direction)
+        owner = int(self._owner[triangle])
+        if np.isnan(distance) or self.blocks(origin, direction, distance, owner, alone=alone):
             return float("nan")
-        reach = o + d * t[0]
+        return distance
+
+    def confirmed(self, origins: np.ndarray, directions: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """See `Triangles`."""
+        rays = zip(origins, directions, numbers.tolist(), strict=True)
+        return np.array([self.confirm(*ray) for ray in rays], np.float64)
+
+    def blocks(
+        self, origin: np.ndarray, direction: np.ndarray, distance: float, owner: int, *, alone: bool = True
+    ) -> bool:
+        """Whether a ray meets a triangle that counts before it has gone `distance`, in double precision.
+
+        owner: whose triangles do not count; the rest as in `confirm`.
+        """
+        o, d = origin.astype(np.float64), direction.astype(np.float64)
+        reach = o + d * distance
         low, high = np.minimum(o, reach), np.maximum(o, reach)
         lowest, highest = self._boxes
-        near = np.flatnonzero(
-            ((lowest <= high) & (highest >= low)).all(axis=1) & (self._owner != self._owner[triangle])
-        )
+        near = np.flatnonzero(((lowest <= high) & (highest >= low)).all(axis=1) & (self._owner != owner))
         blockers = self._triangles[near].astype(np.float64)
         at, met = _intersect(blockers, o, d, -1e-9)
         normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
         counts = ~(self._one_sided[near] & ((normal * d).sum(axis=1) > 0))
         scale = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max())) / max(float(np.abs(d).max()), 1e-300)
-        blocked = (met & counts & (at >= 0) & (at <= t[0] + (scale if alone else -scale))).any()
-        return float("nan") if blocked else float(t[0])
+        return bool((met & counts & (at >= 0) & (at <= distance + (scale if alone else -scale))).any())
+
+
+def _sides(triangles: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of triangles (m, 3, 3) float32: which show only fronts, and which only backs, to all of a box lo to hi (3,).
+
+    Two arrays (m,) bool; both False where the box reaches through a triangle's plane, or rounding leaves it open.
+    """
+    corners = triangles.astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.abs(normal)
+    middle, half = (lo + hi) / 2, (hi - lo) / 2
+    above = ((middle - corners[:, 0]) * normal).sum(axis=1)
+    farthest = max(float(np.abs(triangles).max(initial=0.0)), float(np.abs(lo).max()), float(np.abs(hi).max()))
+    reach = size @ half + size.sum(axis=1) * (1e-9 * farthest)
+    return above > reach, above < -reach
+
+
+def distance_to(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
+    """How far a ray goes until it meets a triangle (3, 3), in double precision and ray lengths; nan where it misses."""
+    t, inside = _intersect(
+        corners[None].astype(np.float64), origin.astype(np.float64), direction.astype(np.float64), -1e-7
+    )
+    return float(t[0]) if inside[0] else float("nan")
 
 
 def _intersect(
@@ -209,9 +327,7 @@ class Findings:
 
 
 def examine(
-    oracle: Oracle,
-    owner: np.ndarray,
-    triangles: np.ndarray,
+    triangles: Triangles,
     lo: np.ndarray,
     hi: np.ndarray,
     reported: np.ndarray,
@@ -224,35 +340,39 @@ def examine(
     half of these at drawables that were not reported. The rays start on the cell's surface, its corners included.
 
     Args:
-        oracle: holds the triangles (m, 3, 3) of the cell's whole cut; owner: (m,) int64 their drawables, sorted.
+        triangles: those of the cell's whole cut, drawables being the things.
         lo, hi: (3,) float64 the cell; reported: sorted drawable ids; samples: number of rays.
     """
     seen: set[int] = set()
     suspects: dict[int, list[tuple[np.ndarray, np.ndarray, int]]] = {}
     known = set(reported.tolist())
-    drawables, starts = np.unique(owner, return_index=True)
-    ends = np.append(starts[1:], len(owner))
+    drawables, starts = triangles.things, triangles.starts
     rays = 0
 
-    def shoot(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def shoot(*groups: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Casts groups of rays, all at once; the drawables that the rays of the last group met."""
         nonlocal rays
-        rays += len(origins)
-        found, _ = oracle.cast(origins, directions)
-        hits = np.flatnonzero(found >= 0)
-        _, once = np.unique(found[hits], return_index=True)
-        for ray in hits[once]:
-            drawable = int(owner[found[ray]])
-            if drawable in known:
-                seen.add(drawable)
-            else:
-                rows = suspects.setdefault(drawable, [])
-                if len(rows) < CONFIRMATIONS:
-                    rows.append((origins[ray], directions[ray], int(found[ray])))
-        return owner[found[hits]]
+        all_origins, all_directions = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+        rays += len(all_origins)
+        found, _ = triangles.cast(all_origins, all_directions)
+        met = np.zeros(0, np.int64)
+        ends = np.cumsum([len(origins) for origins, _ in groups])[:-1]
+        for (origins, directions), numbers in zip(groups, np.split(found, ends), strict=True):
+            hits = np.flatnonzero(numbers >= 0)
+            met = drawables[np.searchsorted(starts, numbers[hits], side="right") - 1]
+            _, once = np.unique(numbers[hits], return_index=True)
+            for ray, drawable in zip(hits[once].tolist(), met[once].tolist(), strict=True):
+                if drawable in known:
+                    seen.add(drawable)
+                else:
+                    rows = suspects.setdefault(drawable, [])
+                    if len(rows) < CONFIRMATIONS:
+                        rows.append((origins[ray], directions[ray], int(numbers[ray])))
+        return met
 
     uniform = samples - 2 * (samples // 3)
     points = surface_points(lo, hi, uniform, rng)
-    first = shoot(points, rng.normal(size=(uniform, 3)).astype(np.float32))
+    first = shoot((points, rng.normal(size=(uniform, 3)).astype(np.float32)))
     left = samples - uniform
     rounds = 4
     for part in range(rounds):
@@ -260,6 +380,7 @@ def examine(
         left -= count
         unseen = ~np.isin(drawables, np.fromiter(seen, np.int64, len(seen)))
         hidden = unseen & ~np.isin(drawables, reported)
+        groups = []
         for group, number in ((hidden, count // 2), (unseen & ~hidden, count - count // 2)):
             choices = np.flatnonzero(group)
             if not len(choices):
@@ -267,23 +388,32 @@ def examine(
             if not number or not len(choices):
                 continue
             chosen = choices[rng.integers(0, len(choices), number)]
-            triangle = starts[chosen] + (rng.random(number) * (ends[chosen] - starts[chosen])).astype(np.int64)
+            triangle = starts[chosen] + (rng.random(number) * (starts[chosen + 1] - starts[chosen])).astype(np.int64)
             weights = rng.dirichlet((1.0, 1.0, 1.0), number)
-            targets = (triangles[triangle].astype(np.float64) * weights[:, :, None]).sum(axis=1)
+            targets = (triangles.corners(triangle).astype(np.float64) * weights[:, :, None]).sum(axis=1)
             origins = surface_points(lo, hi, number, rng)[rng.permutation(number)]
-            shoot(origins, (targets - origins).astype(np.float32))
+            groups.append((origins, (targets - origins).astype(np.float32)))
+        if groups:
+            shoot(*groups)
 
-    missed: list[Sight] = []
-    refuted = 0
-    for drawable, accusations in sorted(suspects.items()):
-        for origin, direction, hit in accusations:
-            distance = oracle.confirm(origin, direction, hit)
+    missed = _confirmed(triangles, suspects)
+    seen.update(sight.drawable for sight in missed)
+    missed_rays = int(np.isin(first, [sight.drawable for sight in missed]).sum())
+    refuted = len(suspects) - len(missed)
+    return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted, uniform, missed_rays)
+
+
+def _confirmed(triangles: Triangles, suspects: dict[int, list[tuple[np.ndarray, np.ndarray, int]]]) -> list[Sight]:
+    """The drawables that one of the rays (origin, direction, triangle) kept of each surely meets first, sorted."""
+    missed: dict[int, Sight] = {}
+    for attempt in range(CONFIRMATIONS):
+        asked = {d: rows[attempt] for d, rows in suspects.items() if d not in missed and attempt < len(rows)}
+        if not asked:
+            break
+        origins, directions, numbers = (np.array(values) for values in zip(*asked.values(), strict=True))
+        distances = triangles.confirmed(origins, directions, numbers)
+        for (drawable, (origin, direction, _)), distance in zip(asked.items(), distances.tolist(), strict=True):
             if not np.isnan(distance):
                 start, along = tuple(map(float, origin)), tuple(map(float, direction))
-                missed.append(Sight(drawable, start, along, distance))  # type: ignore[arg-type]
-                seen.add(drawable)
-                break
-        else:
-            refuted += 1
-    missed_rays = int(np.isin(first, [sight.drawable for sight in missed]).sum())
-    return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted, uniform, missed_rays)
+                missed[drawable] = Sight(drawable, start, along, distance)  # type: ignore[arg-type]
+    return [missed[drawable] for drawable in sorted(missed)]

@@ -1,8 +1,15 @@
 """Detail: every node's levels, each with a certified error.
 
-Read in this order: pieces (meshes to pieces, ready to become leaves), leaf (pieces to a leaf with its levels), inner
-(what children offer to the node above them), node (what a node consists of), offers (what goes from task to task),
-levels (a leaf's chain), collapse (edges, and near_pairs of vertices, in the order of their error) and clean (what is
-left in order), closest, hausdorff and cover (the certified error), attributes (normals, colours, vertices),
-face_normals, options, and the small displacement (snapping) and borders (what a leaf owes its neighbours).
+Read in this order, each on those before it:
+
+    detail_options  how models are parted into pieces and simplified
+    bounds/         certified distances: from positions to the grid, and between surfaces
+    collapsing/     a mesh with fewer triangles, and what its vertices carry
+    levels          the chain of levels of a leaf
+    node            what a node consists of, and what it offers its parent
+    offers          offers as they go from task to task
+    pieces          meshes to pieces, ready to become leaves
+    leaf            pieces to a leaf with its levels
+    inner           what children offer to the node above them
+    assemble        levels and their placements to the store's nodes and drawables
 """

@@ -61,7 +61,7 @@ def _multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (terms[0] + terms[1]) + terms[2]
 
 
-class Placed(NamedTuple):
+class PlacedNode(NamedTuple):
     """A node's levels at one of their places, finest first."""
 
     part: int
@@ -74,7 +74,7 @@ class Placed(NamedTuple):
     hi: np.ndarray
 
 
-def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> list[Placed]:
+def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> list[PlacedNode]:
     """A node's levels at each of their places; their geometry counts up from first_geometry, finest level first."""
     levels = made.levels
     triangles, one_sided = [len(level.triangles) for level in levels], [level.one_sided for level in levels]
@@ -88,11 +88,11 @@ def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_
         lo, hi = np.empty((len(levels), 3)), np.empty((len(levels), 3))
         for number, level in enumerate(levels):
             _placed_box(level.positions, to.matrix, moved, made.scale, grid.step, lo[number], hi[number])
-        placed.append(Placed(to.part, to.instance, first_geometry, triangles, one_sided, errors, lo, hi))
+        placed.append(PlacedNode(to.part, to.instance, first_geometry, triangles, one_sided, errors, lo, hi))
     return placed
 
 
-def make_rows(placed: Sequence[Placed]) -> tuple[np.ndarray, np.ndarray]:
+def make_rows(placed: Sequence[PlacedNode]) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (p,), their `end` left 0, and drawables of placed levels, in their order."""
     nodes = np.zeros(len(placed), NODE)
     counts = np.array([len(own.triangles) for own in placed], np.int64)

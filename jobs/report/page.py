@@ -18,7 +18,7 @@ import numpy as np
 from jobs.report.plots import box_map, histogram, lines, share_legend, share_map
 from storage import open_store
 from storage.base.errors import ParameterError
-from storage.cli.info import MAY_MISS
+from storage.cli.text import MAY_MISS
 
 #: The film's width in pixels, and how long each of its frames stays, in milliseconds.
 FILM_WIDTH, FILM_FRAME = 640, 60
@@ -221,7 +221,7 @@ def _plot(svg: str, caption: str) -> str:
 
 def _map(store: Any, play: dict[str, Any]) -> tuple[str, str]:
     """The cells that the path passes at its middle height, seen from above, and a caption."""
-    up = "xyz".index(store.manifest.model["up"])
+    up = "xyz".index(store.manifest.model.up)
     across = [axis for axis in range(3) if axis != up]
     path = np.array([row["position"] for row in play["frames"]], np.float64)
     height = float(np.median(path[:, up]))
@@ -260,7 +260,7 @@ def _certificate(store: Any, play: dict[str, Any]) -> Iterable[str]:
         rays, missed = (int(cells[name].sum(dtype=np.int64)) for name in ("hold_out_rays", "missed_rays"))
         caution = MAY_MISS.format(approximation)
         yield _paragraph(f"The store was {caution}: {missed:,} of {rays:,} rays met what is left out.")
-    up = "xyz".index(store.manifest.model["up"])
+    up = "xyz".index(store.manifest.model.up)
     across = [axis for axis in range(3) if axis != up]
     height = float(np.median([row["position"][up] for row in play["frames"]]))
     shares = (reported - proven) / np.maximum(reported, 1)

@@ -1,6 +1,7 @@
-"""How a build hears that workers on other machines compile: by files in the work directory, which all of them see.
+"""That a worker compiles, told to the build by a file in the work directory, which all machines of a job see.
 
-A sign is WORK/compiling/.tmp-..., named as in storage.base.temporary. It is there while its writer compiles.
+The file is WORK/compiling/.tmp-..., named as in storage.base.temporary, and is there while its worker compiles. Workers
+write it within `shown`; the build looks for such files with `seen`.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from storage.base import compiling
 from storage.base.compiling import Stopwatch, listening
 from storage.base.temporary import PREFIX, temporary_path
 
-#: No kernel takes so long, in seconds: older signs are of writers that were killed.
+#: No kernel takes so long to compile, in seconds: older files are of workers that were killed.
 STALE = 300.0
 
 
 class _Sign(Stopwatch):
-    """A listener that puts up a sign and takes it down. Short compiling is not worth one."""
+    """A listener to compiling that writes a file when it begins and removes it when it ends.
+
+    It writes none before compiling has taken LONG seconds in all: what is shorter nobody waits for.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -38,13 +42,13 @@ class _Sign(Stopwatch):
 
 @contextmanager
 def shown(place: Workplace) -> Iterator[None]:
-    """Within the context, others can see when this process compiles."""
+    """Within the context, a file shows when this process compiles."""
     with listening(_Sign(temporary_path(_folder(place)))):
         yield
 
 
 def seen(place: Workplace) -> bool:
-    """Whether anybody compiles."""
+    """Whether any process that works in the directory compiles."""
     for sign in _folder(place).glob(f"{PREFIX}*"):
         with suppress(OSError):  # it has gone meanwhile
             if time.time() - sign.stat().st_mtime < STALE:

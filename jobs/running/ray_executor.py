@@ -18,8 +18,8 @@ from typing import Any
 
 from jobs.running.compiling_signs import seen, shown
 from jobs.running.errors import ClusterError, MemoryLimitError, WorkerLostError
-from jobs.running.executors import Backlog, Then, no_more
-from jobs.running.tasks import Task, TaskResult, find_finished, run_task
+from jobs.running.executors import Backlog, FollowersOf, no_followers, run_backlog
+from jobs.running.tasks import Task, TaskResult, run_task
 from jobs.running.workplace import Workplace
 from storage.base.compiling import announce
 
@@ -70,50 +70,36 @@ class RayExecutor:
         self._asked_workers = workers
         self._address = address or os.environ.get("RAY_ADDRESS") or None
         self._remote: Any = None
-        self._owns_ray = False
+        self._joined = False  # a Ray that was started here counts as well
         self._largest_node = 0.0
 
-    def run(self, tasks: Iterable[Task], place: Workplace, then: Then = no_more) -> Generator[TaskResult]:
+    def run(
+        self, tasks: Iterable[Task], place: Workplace, followers_of: FollowersOf = no_followers
+    ) -> Generator[TaskResult]:
         """See `Executor.run`."""
-        backlog = Backlog(tasks, then)
-        running: dict[Any, _Attempt] = {}
+        workers = _RayWorkers(self, place)
         try:
-            while True:
-                while len(running) < self._window() and (task := backlog.next()) is not None:
-                    if (finished := find_finished(task, place)) is not None:
-                        backlog.add_followers(finished)
-                        yield finished
-                    else:
-                        attempt = _Attempt(task, task.memory)
-                        running[self._submit(attempt, place)] = attempt
-                if not running:
-                    return
-                reference, attempt = _wait(running, place)
-                result = self._collect(reference, attempt)
-                if result is None:
-                    running[self._submit(attempt, place)] = attempt
-                else:
-                    backlog.add_followers(result)
-                    yield result
+            yield from run_backlog(Backlog(tasks, followers_of), place, workers)
         finally:
-            self._stop(running)
+            self.stop(workers.running)
 
     def close(self) -> None:
         """Leaves the cluster, and stops it if it was started here."""
         self._remote = None
-        if self._owns_ray:
+        if self._joined:
             import ray
 
             ray.shutdown()
-            self._owns_ray = False
+            self._joined = False
 
-    def _window(self) -> int:
+    def window(self) -> int:
         """Tasks handed to Ray at once: a few more than can run, so that no worker waits for the driver."""
         if self._address is not None and self._asked_workers is not None:
             return self.workers
         return self.workers + max(2, self.workers // 4)
 
-    def _submit(self, attempt: _Attempt, place: Workplace) -> Any:
+    def submit(self, attempt: _Attempt, place: Workplace) -> Any:
+        """Hands a task to Ray; returns what it is waited for by. Raises MemoryLimitError where no machine holds it."""
         remote = self._connect()
         if attempt.memory > self._largest_node:
             raise MemoryLimitError(
@@ -123,7 +109,7 @@ class RayExecutor:
         # The name is what Ray's dashboard and `ps` show of the worker.
         return remote.options(memory=attempt.memory, name=f"vlod {attempt.task.stage.name}").remote(attempt.task, place)
 
-    def _collect(self, reference: Any, attempt: _Attempt) -> TaskResult | None:
+    def collect(self, reference: Any, attempt: _Attempt) -> TaskResult | None:
         """The result of a task that has ended; None if it is to be tried again. Raises the task's own error."""
         import ray
         from ray import exceptions
@@ -159,7 +145,7 @@ class RayExecutor:
             raise error.cause from error
         return result
 
-    def _stop(self, running: dict[Any, _Attempt]) -> None:
+    def stop(self, running: dict[Any, _Attempt]) -> None:
         """Stops tasks at once. Their temporary results are cleaned later.
 
         Ray ends a driver's workers when it leaves; it is joined again when the next task comes. (Ray's own way of
@@ -167,7 +153,7 @@ class RayExecutor:
         """
         if not running:
             return
-        if self._owns_ray:
+        if self._joined:
             self.close()
         else:
             import ray
@@ -205,7 +191,7 @@ class RayExecutor:
             except (ConnectionError, RuntimeError, ValueError) as error:
                 where = self._address or "this machine"
                 raise ClusterError(f"no Ray cluster at {where}: {str(error).splitlines()[0]}") from None
-            self._owns_ray = True
+            self._joined = True
             # Ray answers SIGTERM with a dump of its stack.
             if threading.current_thread() is threading.main_thread():
                 signal.signal(signal.SIGTERM, handler)
@@ -214,9 +200,40 @@ class RayExecutor:
         self._largest_node = max(
             (node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0
         )
-        # Ray's own retries are off: they would be endless where memory runs out. `_collect` decides.
+        # Ray's own retries are off: they would be endless where memory runs out. `collect` decides.
         self._remote = ray.remote(num_cpus=1, max_retries=0)(_run_shown)
         return self._remote
+
+
+class _RayWorkers:
+    """The tasks of one run that Ray has."""
+
+    def __init__(self, executor: RayExecutor, place: Workplace) -> None:
+        self.running: dict[Any, _Attempt] = {}  # by what Ray knows them by
+        self._executor, self._place = executor, place
+
+    def has_room(self) -> bool:
+        """See `jobs.running.executors.Workers`."""
+        return len(self.running) < self._executor.window()
+
+    def begin(self, task: Task) -> None:
+        """See `jobs.running.executors.Workers`."""
+        self._submit(_Attempt(task, task.memory))
+
+    def is_busy(self) -> bool:
+        """See `jobs.running.executors.Workers`."""
+        return bool(self.running)
+
+    def next_result(self) -> TaskResult | None:
+        """See `jobs.running.executors.Workers`."""
+        reference, attempt = _wait(self.running, self._place)
+        result = self._executor.collect(reference, attempt)
+        if result is None:
+            self._submit(attempt)
+        return result
+
+    def _submit(self, attempt: _Attempt) -> None:
+        self.running[self._executor.submit(attempt, self._place)] = attempt
 
 
 def _run_shown(task: Task, place: Workplace) -> TaskResult:

@@ -6,6 +6,7 @@ node, a killed driver, resuming and building again after a change are one and th
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import importlib
@@ -18,17 +19,21 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from jobs.running.errors import CodeMismatchError
 from jobs.running.memory import peak_memory, reset_peak
 from jobs.running.workplace import Workplace
+from storage.base.typed_json import from_json
 
 RECORD = "record.json"
 
 Json = Mapping[str, Any]
+
+P = TypeVar("P")
+Q = TypeVar("Q")
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,10 @@ class Assignment:
     out: Path  # a fresh directory to write the result into
     payload: Json  # everything that decides the result
     places: Json  # where inputs lie
+
+    def read(self, payload: type[P], places: type[Q]) -> tuple[P, Q]:
+        """The payload and the places as the stage's dataclasses. Raises ValueError for what they are not."""
+        return from_json(payload, self.payload, "the payload"), from_json(places, self.places, "the places")
 
 
 #: The work of a task. It returns a record: small JSON; "shards" in it, a list of [name, bytes], are files of the
@@ -54,6 +63,10 @@ class Stage:
     function: str  # "module:name" of its `Work`
     code: tuple[str, ...]  # modules and packages whose source decides the result
     distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
+    apart: tuple[
+        str, ...
+    ] = ()  # what that code imports, and what has no say in the result: see `jobs.stages.common.code`
+    cure: str | None = None  # what, beside more memory, helps where a task needs too much
 
     @property
     def version(self) -> str:
@@ -127,42 +140,50 @@ def content_of_arrays(*arrays: np.ndarray) -> str:
 
 def find_finished(task: Task, place: Workplace) -> TaskResult | None:
     """The result of a task that was finished before, if all of it is still there."""
+    return _result_in(place.result(task.stage.name, task.key), task, place)
+
+
+def run_task(task: Task, place: Workplace) -> TaskResult:
+    """Does the work of a task, unless it is finished, and publishes the result under its key.
+
+    May be killed at any moment and run again, here or elsewhere, even twice at once: the first whole result under the
+    key stays, and whoever comes later returns that one.
+    """
+    if finished := find_finished(task, place):
+        return finished
+    task.check_code()
+    stage, key = task.stage.name, task.key
+    temporary = place.new_temporary(stage)
     try:
-        saved = json.loads((place.result(task.stage.name, task.key) / RECORD).read_text())
+        reset_peak()
+        began, core_began = time.perf_counter(), time.process_time()
+        record = task.stage.load()(Assignment(place, temporary, task.payload, task.places))
+        saved = {
+            "record": record,
+            "seconds": time.perf_counter() - began,
+            "core_seconds": time.process_time() - core_began,
+            "peak_memory": peak_memory(),
+        }
+        (temporary / RECORD).write_text(json.dumps(saved, sort_keys=True))
+        place.publish(temporary, stage, key, lambda folder: _result_in(folder, task, place) is not None)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    published = find_finished(task, place)
+    assert published is not None, "a result that was published is there"
+    return dataclasses.replace(published, reused=False)
+
+
+def _result_in(folder: Path, task: Task, place: Workplace) -> TaskResult | None:
+    """The result of a task that lies in a directory, if it is whole and its shards are in the store."""
+    try:
+        saved = json.loads((folder / RECORD).read_text())
         for name, size in saved["record"].get("shards", ()):
             if (place.store / "shards" / name).stat().st_size != size:
                 return None
         return TaskResult(task, **saved, reused=True)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def run_task(task: Task, place: Workplace) -> TaskResult:
-    """Does the work of a task, unless it is finished, and publishes the result under its key.
-
-    May be killed at any moment and run again, here or elsewhere, even twice at once.
-    """
-    if finished := find_finished(task, place):
-        return finished
-    task.check_code()
-    stage, key = task.stage.name, task.key
-    unusable = place.result(stage, key)
-    if unusable.exists():
-        shutil.rmtree(unusable)
-    temporary = place.new_temporary(stage)
-    try:
-        reset_peak()
-        began, core_began = time.perf_counter(), time.process_time()
-        record = task.stage.load()(Assignment(place, temporary, task.payload, task.places))
-        seconds, core_seconds = time.perf_counter() - began, time.process_time() - core_began
-        peak = peak_memory()
-        saved = {"record": record, "seconds": seconds, "core_seconds": core_seconds, "peak_memory": peak}
-        (temporary / RECORD).write_text(json.dumps(saved, sort_keys=True))
-        place.publish(temporary, stage, key)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
-    return TaskResult(task, record, seconds, core_seconds, peak, reused=False)
 
 
 @functools.lru_cache(maxsize=64)

@@ -1,6 +1,6 @@
 """Where a build keeps the results of its tasks: the work directory, with its lock and its leftovers.
 
-    WORK/lock                     there and held while a build runs; names its process
+    WORK/lock, STORE/lock         there and held while a build runs; see jobs.running.lock
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
     WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.base.temporary
 
@@ -10,20 +10,16 @@ A result appears under its key in one atomic rename, whole. It is safe to delete
 from __future__ import annotations
 
 import contextlib
-import fcntl
+import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import TextIO
 
-from jobs.running.errors import WorkInUseError
-from storage.base.temporary import abandoned, host, temporary_path
-
-#: The file in the work directory that says that a build runs.
-LOCK = "lock"
+from jobs.running.lock import locked
+from storage.base.temporary import abandoned, temporary_path
 
 
 @dataclass(frozen=True)
@@ -43,19 +39,34 @@ class Workplace:
         path.mkdir(parents=True)
         return path
 
-    def publish(self, temporary: Path, stage: str, key: str) -> Path:
-        """Moves a whole result to its key, atomically and durably. If another process was first, its result stays."""
+    def publish(self, temporary: Path, stage: str, key: str, usable: Callable[[Path], bool]) -> None:
+        """Moves a whole result to its key, atomically and durably.
+
+        If another process was first, its result stays. usable: whether a directory holds a whole result; what lies
+        under the key and does not hold one makes room.
+        """
         final = self.result(stage, key)
         for path in (*sorted(temporary.rglob("*")), temporary):
             _flush(path)
-        try:
-            temporary.rename(final)
-        except OSError:
-            if not final.is_dir():
-                raise
-            shutil.rmtree(temporary)
+        while not _moved(temporary, final):
+            if usable(final):
+                shutil.rmtree(temporary)
+                break
+            self._set_aside(final, usable)
         _flush(final.parent)
-        return final
+
+    def _set_aside(self, final: Path, usable: Callable[[Path], bool]) -> None:
+        """Removes what lies under a key and is no whole result. It is looked at once more where nobody else can be:
+
+        another process may have published a whole one between the last look and the move, and that goes back.
+        """
+        aside = temporary_path(final.parent)
+        try:
+            final.rename(aside)
+        except FileNotFoundError:  # another process was first
+            return
+        if not usable(aside) or not _moved(aside, final):
+            shutil.rmtree(aside)
 
     @contextlib.contextmanager
     def made(self) -> Iterator[None]:
@@ -76,40 +87,15 @@ class Workplace:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keeps other builds out of the work directory. Raises WorkInUseError at once if one is in.
+        """Keeps other builds out of both directories. Raises WorkInUseError at once if one is in.
 
-        The system gives the lock back when its process ends, however it ends.
+        Builds with work directories of their own would else both write the same next version of one store.
         """
-        with self._lock() as file:
-            try:
-                file.truncate(0)
-                file.write(f"process {os.getpid()} on {host()}\n")
-                file.flush()
-                yield
-            finally:
-                (self.work / LOCK).unlink(missing_ok=True)
-
-    def _lock(self) -> TextIO:
-        """The lock's file, opened and held."""
-        while True:
-            self.work.mkdir(parents=True, exist_ok=True)
-            with contextlib.ExitStack() as opened:
-                try:
-                    file = opened.enter_context((self.work / LOCK).open("a+"))
-                except FileNotFoundError:  # another build ended just now, and took its directory along
-                    continue
-                try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    file.seek(0)
-                    owner = file.read().strip() or "another process"
-                    raise WorkInUseError(
-                        f"{self.work} is in use by another build ({owner}): wait for it, or choose another --work "
-                        "directory"
-                    ) from None
-                if _is_at(file, self.work / LOCK):
-                    opened.pop_all()
-                    return file
+        with contextlib.ExitStack() as held:
+            held.enter_context(locked(self.work, "choose another --work directory"))
+            if self.work.resolve() != self.store.resolve():
+                held.enter_context(locked(self.store, "build into another place"))
+            yield
 
     @contextlib.contextmanager
     def cleaned(self) -> Iterator[None]:
@@ -139,12 +125,15 @@ class Workplace:
         return removed
 
 
-def _is_at(file: TextIO, path: Path) -> bool:
-    """Whether an open file is still the one at `path`: what is removed may be locked, and keeps nobody out."""
+def _moved(folder: Path, final: Path) -> bool:
+    """Moves a directory to where nothing lies, atomically; False where something does."""
     try:
-        return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
+        folder.rename(final)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+            return False
+        raise
+    return True
 
 
 def _flush(path: Path) -> None:

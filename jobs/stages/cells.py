@@ -1,118 +1,121 @@
-"""The work on view cells: what can be seen from each, their order, and their shards."""
+"""Cells: what can be seen from each view cell. Waves of tasks, one for each subtree of the octree.
+
+A task names the keys below it that must be split further, and what each of them will need.
+"""
 
 from __future__ import annotations
 
 import functools
-import json
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from jobs.running.arrays import mapped_array, save_array
-from jobs.running.tasks import Assignment, Json, content_of_arrays
+from jobs.cells.parameters import CellParameters
+from jobs.running.arrays import save_array
+from jobs.running.memory import PROCESS
+from jobs.running.tasks import Assignment, Stage, Task, TaskResult, content_of_arrays
 from jobs.running.workplace import Workplace
-from jobs.stages import CELLS, LAYOUT, TABLES
-from jobs.stages.detail import SECTION
+from jobs.stages import import_model, tables
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.common.written_geometry import open_written
+from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
-    from jobs.cells.subtree import CellParameters
-    from storage.store import Geometry
+    from storage.geometry_reader import Geometry
 
-#: File of a layout task: see `shards_needed`.
-NEEDS = "needs.json"
+STAGE = Stage(
+    "cells", "jobs.stages.cells:compute_cells", code.CELLS, ("numpy", "numba"), cure="compute a smaller --region"
+)
+
+#: Bytes for each triangle that cells are worked out from, and for all else but the engine's images. Measured: 290 a
+#: triangle.
+PER_TRIANGLE = 400
+REST = 100 << 20
+#: And where gaps count as closed: 8 gaps of 29 bytes at most for each of one and a half edges.
+SEALED_PER_TRIANGLE = 400
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What decides the cells of a subtree."""
+
+    geometry: str  # content of the tables
+    root: int  # octree key
+    parameters: CellParameters
+
+
+@dataclass(frozen=True)
+class Places:
+    """Keys of the tasks whose results are read."""
+
+    tables: str
+
+
+def tasks(state: BuildState) -> Tasks:
+    """The task on the octree's topmost cells, and those on what its cells leave open.
+
+    Raises ParameterError where no cell can keep to `max_triangles`, and for a region outside the view space.
+    """
+    from jobs.cells.budget import check_budget
+    from jobs.cells.cuts import Leaves
+    from jobs.cells.needs import triangles_needed
+    from storage.cells.octree import ROOT
+
+    joined = state.one(tables.STAGE)
+    parameters = state.parameters.cells(state.view_space(state.one(import_model.STAGE)))
+    geometry = open_written(state.place, tables.STAGE.name, joined.key)
+    check_budget(geometry, parameters.max_triangles)
+
+    def task(root: int, triangles: int) -> Task:
+        engine = parameters.engine
+        each = PER_TRIANGLE + (SEALED_PER_TRIANGLE if engine.seal else 0)
+        return Task(
+            STAGE,
+            to_json(Payload(joined.record["content"], root, parameters)),
+            to_json(Places(joined.key)),
+            PROCESS + REST + engine.image_bytes + each * triangles,
+        )
+
+    def followers_of(result: TaskResult) -> list[Task]:
+        left = zip(result.record["open_keys"], result.record["open_triangles"], strict=True)
+        return [task(key, triangles) for key, triangles in left]
+
+    needed = triangles_needed(geometry, ROOT, parameters, Leaves.of(geometry, parameters))
+    return Tasks([task(ROOT, needed)], followers_of)
+
+
+def finished_cells(state: BuildState) -> list[TaskResult]:
+    """The results that hold cells, in the order of their roots."""
+    return sorted(
+        (result for result in state.all(STAGE) if result.record["cells"]),
+        key=lambda result: int(result.task.payload["root"]),
+    )
 
 
 def compute_cells(work: Assignment) -> dict[str, Any]:
     """A subtree of view cells with what can be seen from each."""
-    from jobs.cells.subtree import compute_subtree, triangles_needed
+    from jobs.cells.cuts import Leaves
+    from jobs.cells.needs import triangles_needed
+    from jobs.cells.subtree import compute_subtree
 
-    store = _geometry(work.place.store, work.place.result(TABLES.name, work.places["tables"]) / SECTION)
-    parameters = cell_parameters(work.payload["parameters"])
-    result = compute_subtree(store, work.payload["root"], parameters)
+    payload, places = work.read(Payload, Places)
+    store, parameters = _geometry(work.place, places.tables), payload.parameters
+    around = Leaves.of(store, parameters)
+    result = compute_subtree(store, payload.root, parameters, around)
+    inside = around.within(payload.root, parameters)
     save_array(work.out / "cells.npy", result.cells)
     save_array(work.out / "offsets.npy", result.offsets)
     save_array(work.out / "ids.npy", result.ids)
     return {
         "open_keys": [int(key) for key in result.open_keys],
-        "open_triangles": [triangles_needed(store, key, parameters) for key in result.open_keys],
+        "open_triangles": [triangles_needed(store, key, parameters, inside) for key in result.open_keys],
         "cells": len(result.cells),
+        "ids": len(result.ids),
         "content": content_of_arrays(result.cells, result.offsets, result.ids),
     }
 
 
-def lay_out_cells(work: Assignment) -> dict[str, Any]:
-    """The order of all cells, and which of them share a face.
-
-    Each task's cells become one shard, in the order of the tasks' root keys; they are numbered shard by shard.
-    """
-    from storage.cells.octree import neighbours
-
-    keys = [np.load(work.place.result(CELLS.name, key) / "cells.npy")["key"] for key in work.places["cells"]]
-    starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
-    pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
-    save_array(work.out / "starts.npy", starts)
-    save_array(work.out / "pairs.npy", pairs)
-    shard = np.searchsorted(starts, pairs, side="right") - 1
-    needs = [sorted({number, *shard[shard[:, 0] == number, 1].tolist()}) for number in range(len(keys))]
-    (work.out / NEEDS).write_text(json.dumps(needs))
-    return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": content_of_arrays(starts, pairs)}
-
-
-def shards_needed(place: Workplace, key: str) -> list[list[int]]:
-    """For each cell shard of a layout, the shards whose cells it needs to know, itself among them."""
-    needs: list[list[int]] = json.loads((place.result(LAYOUT.name, key) / NEEDS).read_text())
-    return needs
-
-
-def write_cells(work: Assignment) -> dict[str, Any]:
-    """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
-    from storage.writer import write_cell_shard
-
-    layout = work.place.result(LAYOUT.name, work.places["layout"])
-    starts = np.load(layout / "starts.npy")
-    number = work.payload["shard"]
-    first, end = int(starts[number]), int(starts[number + 1])
-    pairs = mapped_array(layout / "pairs.npy")
-    pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
-    sets: dict[int, np.ndarray] = {}
-    cells = np.zeros(0)
-    for other, key in zip(work.payload["needs"], work.places["cells"], strict=True):
-        folder = work.place.result(CELLS.name, key)
-        offsets, ids = np.load(folder / "offsets.npy"), mapped_array(folder / "ids.npy")
-        for at in range(len(offsets) - 1):
-            sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
-        if other == number:
-            cells = np.load(folder / "cells.npy")
-    name = write_cell_shard(
-        work.place.store,
-        cells,
-        [sets[cell] for cell in range(first, end)],
-        [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
-        first=first,
-    )
-    return {"shards": [[name, (work.place.store / "shards" / name).stat().st_size]]}
-
-
-def cell_parameters(payload: Json) -> CellParameters:
-    """The parameters of cells from a task's payload."""
-    from jobs.cells.subtree import CellParameters
-    from jobs.visibility.engine import EngineSettings
-    from storage.cells.octree import Octree
-
-    values = dict(payload)
-    return CellParameters(
-        octree=Octree(tuple(values.pop("octree_lo")), values.pop("octree_size")),
-        view_lo=tuple(values.pop("view_lo")),
-        view_hi=tuple(values.pop("view_hi")),
-        engine=EngineSettings(**values.pop("engine")),
-        **values,
-    )
-
-
 @functools.lru_cache(maxsize=1)
-def _geometry(root: Path, section: Path) -> Geometry:
+def _geometry(place: Workplace, key: str) -> Geometry:
     """The geometry of a store that has no cells yet; a worker keeps it for its next task."""
-    from storage.store import open_geometry
-
-    return open_geometry(root, json.loads(section.read_text()))
+    return open_written(place, tables.STAGE.name, key)

@@ -19,6 +19,7 @@ from jobs.visibility.shafts import closing_sets, undecided
 from jobs.visibility.shrunk.shrunk_occluders import ShrunkOccluders
 from jobs.visibility.surfaces import ray_tree, seen_mesh
 from jobs.visibility.surfaces.clusters import make_clusters
+from jobs.visibility.surfaces.inside import reaching_into
 from jobs.visibility.surfaces.soup import Soup
 
 #: The corners of the cell, those of a tetrahedron first.
@@ -69,9 +70,6 @@ class EngineSettings:
     sampling_rays: int = 20_000  # in all directions, of a sampled cell
     sampling_aimed_rays: int = 65_536  # at drawables that these do not meet, all together
     hold_out_rays: int = 10_000  # that measure what an approximate cell misses
-
-    #: Part of the task keys: change it whenever results may change.
-    version: int = 8
 
     @property
     def approximate(self) -> bool:
@@ -142,8 +140,7 @@ class Engine:
         )
         self._layers = np.empty((6, r, r, settings.layers, 2), np.float32) if images is None else images
         self._shrunk = ShrunkOccluders(soup, r) if settings.method == "shrunk-occluders" else None
-        self._work = closing_sets.make_work(len(soup.triangles))
-        self._parts = undecided.make_parts()
+        self._room = undecided.make_room(len(soup.triangles))
         self._first = soup.cluster_start[soup.drawable_clusters]
         self._scene, self._tree = ray_tree.build_scene(
             soup.vertices, soup.triangles, soup.triangle_drawable, soup.one_sided, soup.cluster_start
@@ -161,13 +158,8 @@ class Engine:
         soup = self.soup
         places = soup.places(cut)
         near = places[((soup.drawable_lo[places] <= hi) & (soup.drawable_hi[places] >= lo)).all(axis=1)]
-        reaching = []
-        for d in near:
-            first, last = soup.drawable_clusters[d], soup.drawable_clusters[d + 1]
-            corners = soup.vertices[soup.triangles[soup.cluster_start[first] : soup.cluster_start[last]]]
-            if ((corners > lo) & (corners < hi)).all(axis=2).any():
-                reaching.append(d)
-        return soup.drawables[np.array(reaching, np.int64)]
+        reaching: np.ndarray = near[reaching_into(soup.vertices, soup.triangles, self._first, near, lo, hi)]
+        return soup.drawables[reaching]
 
     def visible_from(
         self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray, most_triangles: int | None = None
@@ -236,11 +228,11 @@ class Engine:
         allowed = np.iinfo(np.int64).max if most_triangles is None else most_triangles - surely
         hidden, seen = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
         seen[proven] = True
-        closing_sets.forget_marks(self._work)
+        closing_sets.forget_marks(self._room.work)
         undecided.decide(
-            standing, self._mesh, self._work, self._parts, visible[~seen[visible]], soup.drawable_clusters,
-            self._clusters, lo, hi, self._layers, self.settings.shafts, self.settings.least_worth,
-            soup.triangle_counts, allowed, hidden, seen,
+            standing, self._mesh, self._clusters, self._layers, self._room,
+            undecided.Asked(visible[~seen[visible]], soup.drawable_clusters, soup.triangle_counts), lo, hi,
+            undecided.Effort(self.settings.shafts, self.settings.least_worth, allowed), hidden, seen,
         )  # fmt: skip
         return visible[~hidden[visible]], visible[seen[visible]]
 

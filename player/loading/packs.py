@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from player.loading.pack_cache import PackCache
 from player.loading.prefetch import Loader
 from player.renderer.arena import INDEX_BYTES, VERTEX, Arena
-from player.renderer.facets import FacetTable, PackFacets
+from player.renderer.facet_table import FacetTable, PackFacets
+from storage.base.errors import CorruptStoreError, StoreError
 from storage.meshes.facets import part_meshes
 from storage.meshes.pack import Pack
 from storage.store import Store
@@ -24,18 +25,6 @@ class PreparedPack(NamedTuple):
     facets: PackFacets
 
 
-def octahedral(normals: NDArray[np.float32]) -> NDArray[np.int16]:
-    """Unit normals (n, 3) folded onto an octahedron: (n, 2) int16, -32767 ... 32767. A zero normal becomes +z.
-
-    Based on: Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 3(2), 2014.
-    """
-    length = np.abs(normals).sum(axis=1, keepdims=True)
-    n = normals / np.where(length > 0, length, 1)
-    folded = (1 - np.abs(n[:, [1, 0]])) * np.where(n[:, :2] >= 0, 1, -1)
-    xy = np.where(n[:, 2:] < 0, folded, n[:, :2])
-    return np.rint(xy * 32767).astype(np.int16)
-
-
 def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: float) -> PreparedPack:
     """Vertices in grid units, pack-wide indices in the order of the facets, and the facets, of a decoded pack.
 
@@ -46,13 +35,18 @@ def prepare(pack: Pack, rows: np.ndarray, one_sided: NDArray[np.bool_], step: fl
     vertices = np.zeros(len(pack.positions), VERTEX)
     scale = np.repeat(rows["scale"] / step, rows["vertices"])
     vertices["position"] = pack.positions * scale[:, None]
-    vertices["normal"] = octahedral(pack.normals)
+    vertices["normal"] = pack.folded
     vertices["colour"] = pack.colours
     triangles = pack.triangles + np.repeat(rows["vertex_start"], rows["triangles"])[:, None]
     order, counts, facets, cones = part_meshes(
         pack.positions, pack.triangles, rows["vertices"].astype(np.int64), rows["triangles"].astype(np.int64), one_sided
     )
     return PreparedPack(vertices, triangles.astype(np.uint32)[order], PackFacets(counts, facets, cones))
+
+
+def packs_of(store: Store) -> NDArray[np.int64]:
+    """The pack (drawables,) that holds each drawable's mesh."""
+    return store.geometry["pack"][store.drawables["geometry"]].astype(np.int64)
 
 
 class Packs:
@@ -63,10 +57,9 @@ class Packs:
         self._store = store
         self._arena = arena
         self._facets = facets
-        order = np.lexsort((store.geometry["vertex_start"], store.geometry["pack"]))
-        self._meshes = order
-        self._rows = store.geometry[order]
-        self._row_starts = np.searchsorted(self._rows["pack"], np.arange(len(store.packs) + 1))
+        of_mesh = store.geometry["pack"]
+        self._meshes = np.lexsort((store.geometry["vertex_start"], of_mesh))  # pack by pack
+        self._starts = np.searchsorted(of_mesh, np.arange(len(store.packs) + 1), sorter=self._meshes)
         self._sizes = store.packs["vertices"].astype(np.int64) * VERTEX.itemsize
         self._sizes += store.packs["triangles"].astype(np.int64) * 3 * INDEX_BYTES
         self.cache = PackCache(self._sizes, budget)
@@ -78,7 +71,8 @@ class Packs:
     def need(self, packs: NDArray[np.int64], *, wait: bool) -> None:
         """Locks `packs` (unique, most urgent first), uploads what has arrived, and asks for the rest.
 
-        wait: returns only when all of them are on the GPU. Afterwards `cache.resident` says what is there.
+        wait: returns only when all of them are on the GPU, but for what cannot be read. Afterwards `cache.resident`
+        says what is there, and `failures` why the rest is not.
         """
         self.cache.lock(packs)
         arrived = self._loader.collect()
@@ -89,6 +83,16 @@ class Packs:
         if wait and missing:
             arrived |= self._loader.wait_for(missing)
         self._upload(arrived)
+
+    def failures(self, packs: NDArray[np.int64]) -> list[StoreError]:
+        """Why those of `packs` (n,) are not there that cannot be had for now; they are tried again."""
+        there = self.cache.resident[packs]
+        return [] if there.all() else list(self._loader.failures(packs[~there].tolist()).values())
+
+    @property
+    def damage(self) -> CorruptStoreError | None:
+        """Some damage that was met, be it in what was only loaded ahead; None if there is none."""
+        return self._loader.damage
 
     def prefetch(self, packs: NDArray[np.int64]) -> None:
         """Asks for `packs` (unique, most urgent first), as many as the budget has room for beside what is drawn."""
@@ -108,7 +112,7 @@ class Packs:
         return int(self._sizes[packs].sum())
 
     def settle(self) -> None:
-        """Waits until everything asked for is on the GPU."""
+        """Waits until everything asked for is on the GPU, but for what cannot be read."""
         later = self._later()
         self._loader.wish(later)
         self._upload(self._loader.wait_for(later))
@@ -131,20 +135,19 @@ class Packs:
         ]
 
     def _load(self, number: int) -> PreparedPack:
-        own = self._own(number)
-        one_sided = self._store.one_sided[self._meshes[own]]
-        return prepare(self._store.pack(number), self._rows[own], one_sided, self._store.grid.step)
+        store, own = self._store, self._own(number)
+        return prepare(store.pack(number), store.geometry[own], store.one_sided[own], store.grid.step)
 
-    def _own(self, number: int) -> slice:
-        """The rows of a pack's meshes."""
-        return slice(int(self._row_starts[number]), int(self._row_starts[number + 1]))
+    def _own(self, number: int) -> NDArray[np.int64]:
+        """A pack's meshes, in the order of their vertices."""
+        return self._meshes[self._starts[number] : self._starts[number + 1]]
 
     def _upload(self, arrived: dict[int, PreparedPack]) -> None:
         for number in sorted(arrived):  # not in the order of arrival, which no two runs share
             pack = arrived[number]
             self.cache.add(number)
             self._arena.add(number, pack.vertices, pack.triangles)
-            self._facets.add(number, self._meshes[self._own(number)], pack.facets)
+            self._facets.add(number, self._own(number), pack.facets)
         for number in self.cache.evict().tolist():
             self._arena.remove(number)
             self._facets.remove(number)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from player.scene import Scene
+from player.shown_model import ShownModel
 
 Ids = NDArray[np.int64]
 
@@ -21,7 +21,7 @@ class StandIns(NamedTuple):
     absent: int  # nodes of which nothing has arrived
 
 
-def stand_ins(ids: Ids, scene: Scene, ready: Callable[[Ids], NDArray[np.bool_]]) -> StandIns:
+def stand_ins(ids: Ids, model: ShownModel, ready: Callable[[Ids], NDArray[np.bool_]]) -> StandIns:
     """For sorted drawable `ids`: themselves where they are ready, else what is ready and nearest to them in detail.
 
     That is the next coarser level of their node, else the finest one of the nearest node above it, else the next finer
@@ -33,7 +33,7 @@ def stand_ins(ids: Ids, scene: Scene, ready: Callable[[Ids], NDArray[np.bool_]])
     if there.all():
         return StandIns(ids, 0, 0)
     missing = ids[~there]
-    node = scene.node_of[missing]
+    node = model.nodes_of(missing)
     found = np.full(len(missing), -1, np.int64)
 
     def look(nodes: Ids, first: Ids, last: Ids, step: int) -> None:
@@ -48,12 +48,12 @@ def stand_ins(ids: Ids, scene: Scene, ready: Callable[[Ids], NDArray[np.bool_]])
             found[good] = candidate[good]
             candidate += step
 
-    look(node, missing + 1, scene.first_drawable[node] + scene.levels[node] - 1, 1)
-    above = scene.parent[node]
+    look(node, missing + 1, model.first_drawable[node] + model.levels[node] - 1, 1)
+    above = model.parent[node]
     while ((above >= 0) & (found < 0)).any():
-        first = scene.first_drawable[above]
-        look(above, first, first + scene.levels[above] - 1, 1)
-        above = np.where(above >= 0, scene.parent[above], -1)
-    look(node, missing - 1, scene.first_drawable[node], -1)
+        first = model.first_drawable[above]
+        look(above, first, first + model.levels[above] - 1, 1)
+        above = np.where(above >= 0, model.parent[above], -1)
+    look(node, missing - 1, model.first_drawable[node], -1)
     usable = found[found >= 0]
     return StandIns(np.union1d(ids[there], usable), len(usable), len(missing) - len(usable))

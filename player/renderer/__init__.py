@@ -1,4 +1,16 @@
-"""The renderer: context (what OpenGL can do), arena (where meshes lie), instances (where they stand), facets (which
-parts of meshes turn their backs), draw_list (what to draw), surfaces and shaders (how), target (into what), text (over
-it), renderer (all of it together).
+"""Draws drawables as seen from a view. Read in this order:
+
+    context      what OpenGL can do; contexts without a window
+    free_list    ranges of a buffer that are free
+    arena        where meshes lie on the GPU
+    instances    where they stand
+    facet_table  which parts of them turn their backs
+    draw_list    what to draw: commands from drawables
+    shaders      how surfaces, sky and text look
+    surfaces     how a draw list is drawn
+    target       into what
+    text         over it
+    renderer     all of it together
+
+Knows the GPU; knows nothing of cells, strategies or files.
 """

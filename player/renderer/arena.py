@@ -6,70 +6,24 @@ model of ordinary size lies in a single slab and is drawn with a handful of call
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from player.renderer.free_list import FreeList
+
 #: A vertex on the GPU: 20 bytes.
 VERTEX = np.dtype(
     [
         ("position", "<f4", (3,)),  # grid units; whole numbers where the mesh lies in model space
-        ("normal", "<i2", (2,)),  # octahedral, -32767 ... 32767
+        ("normal", "<i2", (2,)),  # octahedral, as stored: storage.meshes.normals
         ("colour", "u1", (4,)),  # red, green, blue, alpha as stored
     ]
 )
 
 INDEX_BYTES = 4
-
-
-class FreeList:
-    """First-fit allocation of ranges [start, start + size) out of [0, capacity), merging freed neighbours."""
-
-    def __init__(self, capacity: int) -> None:
-        self.capacity = capacity
-        self._starts = [0] if capacity else []
-        self._sizes = [capacity] if capacity else []
-
-    @property
-    def free(self) -> int:
-        """Units that are not allocated."""
-        return sum(self._sizes)
-
-    def allocate(self, size: int) -> int | None:
-        """Start of a free range of `size` units, or None if there is none."""
-        for index, available in enumerate(self._sizes):
-            if available >= size:
-                start = self._starts[index]
-                if available == size:
-                    del self._starts[index], self._sizes[index]
-                else:
-                    self._starts[index] += size
-                    self._sizes[index] -= size
-                return start
-        return None
-
-    def release(self, start: int, size: int) -> None:
-        """Gives back a range that `allocate` returned."""
-        if size == 0:
-            return
-        index = bisect_left(self._starts, start)
-        self._starts.insert(index, start)
-        self._sizes.insert(index, size)
-        if index + 1 < len(self._starts) and start + size == self._starts[index + 1]:
-            self._sizes[index] += self._sizes.pop(index + 1)
-            del self._starts[index + 1]
-        if index > 0 and self._starts[index - 1] + self._sizes[index - 1] == start:
-            self._sizes[index - 1] += self._sizes.pop(index)
-            del self._starts[index]
-
-    def grow(self, capacity: int) -> None:
-        """Adds the units from the present capacity up to `capacity`."""
-        added, start = capacity - self.capacity, self.capacity
-        self.capacity = capacity
-        self.release(start, added)
 
 
 class Slab:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from player.renderer.facets import CellBox, FacetTable, FacetUsers, Runs
+from player.renderer.facet_table import CellBox, FacetTable, FacetUsers, Runs
 from player.renderer.instances import mirrored
 
 #: Which sides of a drawable are drawn; the cull mode of a batch.
@@ -39,7 +39,6 @@ class DrawTables:
     geometry: NDArray[np.int64]  # (drawables,) index of the mesh
     record: np.ndarray  # RECORD (drawables,)
     side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
-    triangles: NDArray[np.int64]  # (drawables,)
     pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
     first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
     indices: NDArray[np.int64]  # (geometries,)
@@ -48,24 +47,24 @@ class DrawTables:
 
 def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarray, step: float) -> DrawTables:
     """The tables for a store's DRAWABLE, GEOMETRY and INSTANCE arrays, without tints; step: of the grid."""
-    instance = drawables["instance"].astype(np.int64)
+    instance = np.ascontiguousarray(drawables["instance"])
     record = np.zeros(len(drawables), RECORD)
     record["placement"] = instance + 1
-    turned = np.concatenate([mirrored(instances["matrix"]), [False]])[instance]
-    side = np.where(drawables["one_sided"], np.where(turned, BACK_ONLY, FRONT_ONLY), BOTH_SIDES)
+    sides = np.where(mirrored(instances["matrix"]), BACK_ONLY, FRONT_ONLY).astype(np.uint8)
+    side = np.append(sides, np.uint8(FRONT_ONLY))[instance]
+    side[~drawables["one_sided"]] = BOTH_SIDES
     mesh = drawables["geometry"].astype(np.int64)
     users = FacetUsers(
         geometry=mesh,
         instance=instance,
-        scale=geometry["scale"].astype(np.float64)[mesh],
+        scale=np.ascontiguousarray(geometry["scale"]),
         matrices=instances["matrix"].copy(),
         step=step,
     )
     return DrawTables(
         geometry=mesh,
         record=record,
-        side=side.astype(np.uint8),
-        triangles=drawables["triangles"].astype(np.int64),
+        side=side,
         pack=geometry["pack"].astype(np.int64),
         first_index=geometry["triangle_start"].astype(np.int64) * 3,
         indices=geometry["triangles"].astype(np.int64) * 3,
@@ -109,14 +108,14 @@ def build(
     what this view cell sees only from behind; None: nothing. Within a batch, meshes come in the order of their first
     drawable: the same order whatever else is drawn, so that coplanar surfaces look the same every time.
     """
-    if np.any(slab_of[tables.pack[tables.geometry[ids]]] < 0):
-        raise ValueError("a drawable's pack is not in the arena")
-    runs = _whole(ids, tables) if cell is None else facets.runs_of(ids, tables.facets, cell)
-    asked = int(tables.triangles[ids].sum())
-    ids = ids[runs.drawable]
     geometry = tables.geometry[ids]
-    pack = tables.pack[geometry]
-    batch = slab_of[pack].astype(np.int64) * 3 + tables.side[ids]
+    slab = slab_of[tables.pack[geometry]].astype(np.int64)
+    if np.any(slab < 0):
+        raise ValueError("a drawable's pack is not in the arena")
+    wholes = tables.indices[geometry]
+    runs = _whole(wholes) if cell is None else facets.runs_of(ids, tables.facets, cell)
+    ids, geometry = ids[runs.drawable], geometry[runs.drawable]
+    batch = slab[runs.drawable] * 3 + tables.side[ids]
     rank = np.arange(len(ids), dtype=np.int64)
     placed = tables.record["placement"][ids]
     if placed.any():  # several drawables may share a mesh: each takes the rank of the mesh's first
@@ -144,12 +143,13 @@ def build(
     )
     triangles = int(indices.sum()) // 3
     drawables = int((np.diff(runs.drawable, prepend=-1) != 0).sum())
-    return DrawList(commands, tables.record[ordered], batches, triangles, drawables, asked - triangles)
+    turned = int(wholes.sum()) // 3 - triangles
+    return DrawList(commands, tables.record[ordered], batches, triangles, drawables, turned)
 
 
-def _whole(ids: NDArray[np.int64], tables: DrawTables) -> Runs:
-    """Every drawable as one run."""
-    return Runs(np.arange(len(ids)), np.zeros(len(ids), np.int64), tables.indices[tables.geometry[ids]])
+def _whole(indices: NDArray[np.int64]) -> Runs:
+    """Every drawable as one run, of so many indices (n,)."""
+    return Runs(np.arange(len(indices)), np.zeros(len(indices), np.int64), indices)
 
 
 def _starts(*keys: NDArray[np.int64]) -> NDArray[np.int64]:

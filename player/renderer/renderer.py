@@ -15,7 +15,7 @@ from player.renderer import draw_list, instances, shaders
 from player.renderer.arena import Arena
 from player.renderer.context import Abilities, use_depth_range
 from player.renderer.draw_list import DrawList, DrawTables
-from player.renderer.facets import CellBox, FacetTable
+from player.renderer.facet_table import CellBox, FacetTable
 from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
 
 

@@ -7,7 +7,8 @@ viewer's head. Alpha is 1 where a surface was drawn and 0 where only sky is seen
 
 from __future__ import annotations
 
-_RECORDS_PER_ROW = 1024
+from player.renderer.instances import RECORDS_PER_ROW
+from storage.meshes.normals import LIMIT
 
 _SURFACE_VERTEX = """
 uniform mat4 u_clip;        // grid units relative to the eye -> clip coordinates
@@ -36,7 +37,7 @@ uvec2 record() {
 #endif
 
 vec3 unpack_normal(ivec2 folded) {
-    vec2 e = vec2(folded) * (1.0 / 32767.0);
+    vec2 e = vec2(folded) * (1.0 / OCTAHEDRAL_LIMIT.0);
     vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
     if (n.z < 0.0) {
         n.xy = (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
@@ -169,5 +170,5 @@ def surface(*, multi_draw: bool) -> tuple[str, str]:
     multi_draw: records come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3).
     """
     version = "#version 430\n" if multi_draw else "#version 330\n"
-    vertex = _SURFACE_VERTEX.replace("RECORDS_PER_ROW", str(_RECORDS_PER_ROW))
+    vertex = _SURFACE_VERTEX.replace("RECORDS_PER_ROW", str(RECORDS_PER_ROW)).replace("OCTAHEDRAL_LIMIT", str(LIMIT))
     return f"{version}#define MULTI_DRAW {int(multi_draw)}\n{vertex}", version + _SURFACE_FRAGMENT

@@ -37,17 +37,44 @@ def _set_culling(context: moderngl.Context, side: int) -> None:
         context.cull_face = "front" if side == BACK_ONLY else "back"
 
 
+class _Arrays:
+    """The vertex arrays of a program over an arena's slabs; made anew where a slab has got larger buffers."""
+
+    def __init__(self, context: moderngl.Context, program: moderngl.Program, arena: Arena) -> None:
+        self._context = context
+        self._program = program
+        self._arena = arena
+        self._known: dict[int, tuple[int, moderngl.VertexArray]] = {}
+
+    def of(self, number: int, *more: tuple[moderngl.Buffer, str, str]) -> moderngl.VertexArray:
+        """The array of a slab; more: buffers beside its own, as moderngl takes them, the same until `forget`."""
+        slab = self._arena.slabs[number]
+        version, array = self._known.get(number, (-1, None))
+        if array is None or version != slab.version:
+            if array is not None:
+                array.release()
+            own = (slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour")
+            array = self._context.vertex_array(self._program, [own, *more], slab.index_buffer)
+            self._known[number] = (slab.version, array)
+        return array
+
+    def forget(self) -> None:
+        """Frees all arrays."""
+        for _, array in self._known.values():
+            array.release()
+        self._known.clear()
+
+
 class MultiDraw:
     """Multi-draw indirect: the commands lie in a buffer, records come as an instanced attribute."""
 
     def __init__(self, context: moderngl.Context, arena: Arena) -> None:
         self._context = context
-        self._arena = arena
         vertex, fragment = shaders.surface(multi_draw=True)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self._commands = context.buffer(reserve=COMMAND.itemsize << 10, dynamic=True)
         self._records = context.buffer(reserve=RECORD.itemsize << 10, dynamic=True)
-        self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
+        self._arrays = _Arrays(context, self.program, arena)
         self._written: DrawList | None = None
 
     def draw(self, draws: DrawList) -> int:
@@ -57,16 +84,17 @@ class MultiDraw:
             grown = self._rewritten(self._records, draws.records)
             if grown is not self._records:
                 self._records = grown
-                self._forget_arrays()
+                self._arrays.forget()
             self._written = draws
         for batch in draws.batches:
             _set_culling(self._context, batch.side)
-            self._array(batch.slab).render_indirect(self._commands, moderngl.TRIANGLES, batch.commands, batch.first)
+            array = self._arrays.of(batch.slab, (self._records, "2u4/i", "in_record"))
+            array.render_indirect(self._commands, moderngl.TRIANGLES, batch.commands, batch.first)
         return len(draws.batches)
 
     def release(self) -> None:
         """Frees what it holds on the GPU."""
-        self._forget_arrays()
+        self._arrays.forget()
         for item in (self._commands, self._records, self.program):
             item.release()
 
@@ -80,41 +108,17 @@ class MultiDraw:
             buffer.write(data.tobytes())
         return buffer
 
-    def _array(self, slab_index: int) -> moderngl.VertexArray:
-        slab = self._arena.slabs[slab_index]
-        known = self._arrays.get(slab_index)
-        if known is not None and known[0] == slab.version:
-            return known[1]
-        if known is not None:
-            known[1].release()
-        array = self._context.vertex_array(
-            self.program,
-            [
-                (slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour"),
-                (self._records, "2u4/i", "in_record"),
-            ],
-            slab.index_buffer,
-        )
-        self._arrays[slab_index] = (slab.version, array)
-        return array
-
-    def _forget_arrays(self) -> None:
-        for _, array in self._arrays.values():
-            array.release()
-        self._arrays.clear()
-
 
 class SingleDraws:
     """OpenGL 3.3: one call per run of neighbouring meshes of one tint, one per instanced mesh; records in a texture."""
 
     def __init__(self, context: moderngl.Context, arena: Arena) -> None:
         self._context = context
-        self._arena = arena
         vertex, fragment = shaders.surface(multi_draw=False)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self.program["u_order"] = 1
         self._order = context.texture((_ORDER_WIDTH, 1), 2, dtype="u4")
-        self._arrays: dict[int, tuple[int, moderngl.VertexArray]] = {}
+        self._arrays = _Arrays(context, self.program, arena)
         self._written: DrawList | None = None
         self._calls: list[tuple[int, int, int, int, int, int]] = []
 
@@ -129,14 +133,12 @@ class SingleDraws:
         for slab, side, first, indices, instances, base in self._calls:
             _set_culling(self._context, side)
             first_record.value = base
-            self._array(slab).render(moderngl.TRIANGLES, vertices=indices, first=first, instances=instances)
+            self._arrays.of(slab).render(moderngl.TRIANGLES, vertices=indices, first=first, instances=instances)
         return len(self._calls)
 
     def release(self) -> None:
         """Frees what it holds on the GPU."""
-        for _, array in self._arrays.values():
-            array.release()
-        self._arrays.clear()
+        self._arrays.forget()
         self._order.release()
         self.program.release()
 
@@ -148,21 +150,6 @@ class SingleDraws:
         padded = np.zeros(rows * _ORDER_WIDTH, RECORD)
         padded[: len(records)] = records
         self._order.write(padded.tobytes(), viewport=(0, 0, _ORDER_WIDTH, rows))
-
-    def _array(self, slab_index: int) -> moderngl.VertexArray:
-        slab = self._arena.slabs[slab_index]
-        known = self._arrays.get(slab_index)
-        if known is not None and known[0] == slab.version:
-            return known[1]
-        if known is not None:
-            known[1].release()
-        array = self._context.vertex_array(
-            self.program,
-            [(slab.vertex_buffer, "3f4 2i2 4f1", "in_position", "in_normal", "in_colour")],
-            slab.index_buffer,
-        )
-        self._arrays[slab_index] = (slab.version, array)
-        return array
 
 
 def draw_calls(draws: DrawList) -> list[tuple[int, int, int, int, int, int]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,11 @@ from player.camera.path import CameraPath, write_whole
 from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
 from player.renderer.target import Target
-from player.scene import Scene
 from player.shells.compare import Difference, Picture, difference, magnified
+from player.shown_model import ShownModel
+from player.strategies import FULL
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
-
-Progress = Callable[[int, int], None]
+from storage.base.progress import Progress, Silent
 
 
 @dataclass(frozen=True)
@@ -40,65 +40,68 @@ class Frame:
     """One rendered frame."""
 
     index: int
+    graphics: Abilities
     picture: Picture
     statistics: FrameStatistics
     difference: Difference | None = None  # from the full model
     full: Picture | None = None  # the full model's picture
+    full_unreadable: int = 0  # packs that the full model's picture lacks, because they cannot be had
 
 
-@dataclass
+@dataclass(frozen=True)
 class Report:
     """What rendering a path took; `content` is what is written as JSON."""
 
-    content: dict[str, Any] = field(default_factory=dict)
+    content: dict[str, Any]
 
     @property
     def passed(self) -> bool:
-        """The comparison found nothing wrong, or was not asked for."""
+        """No frame had to wait for geometry in vain, and the comparison found nothing wrong, or was not asked for."""
         compared = self.content.get("compare")
-        return compared is None or bool(compared["passed"])
+        lacking = self.content["settings"]["wait"] and self.content["totals"]["lacking_frames"] > 0
+        return not lacking and (compared is None or bool(compared["passed"]))
 
 
-def near_and_far(scene: Scene, position: np.ndarray, able: Abilities) -> tuple[float, float]:
+def near_and_far(model: ShownModel, position: np.ndarray, able: Abilities) -> tuple[float, float]:
     """Distances of the near and far plane in model units for an eye at `position` (3,).
 
     With reversed depth the near plane costs no precision. Otherwise it is as far off as 24 bits of depth need.
     """
-    corner = np.maximum(np.abs(scene.lo - position), np.abs(scene.hi - position))
-    far = 1.01 * float(np.sqrt((corner * corner).sum())) + scene.extent * 1e-3
-    closest = (1e-6 if able.reversed_depth else 1e-4) * scene.extent
-    return max(closest, 2 * scene.store.grid.step), far
+    corner = np.maximum(np.abs(model.lo - position), np.abs(model.hi - position))
+    far = 1.01 * float(np.sqrt((corner * corner).sum())) + model.extent * 1e-3
+    closest = (1e-6 if able.reversed_depth else 1e-4) * model.extent
+    return max(closest, 2 * model.store.grid.step), far
 
 
 def render(
-    scene: Scene, path: CameraPath, screen: Screen, settings: Settings, *, compare: bool = False
-) -> Iterator[tuple[Frame, Abilities]]:
+    model: ShownModel, path: CameraPath, screen: Screen, settings: Settings, *, compare: bool = False
+) -> Iterator[Frame]:
     """Renders each pose of `path` in turn.
 
-    compare: renders the full model (strategy none) as well. Raises GraphicsError where there is no OpenGL.
+    compare: renders the full model (strategy FULL) as well. Raises GraphicsError where there is no OpenGL.
     """
     context = headless_context()
     able = abilities(context, force_gl33=screen.force_gl33)
     size = (screen.width, screen.height)
     target = Target(context, size, samples=screen.samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(scene, context, able, settings)
+    walk = Walkthrough(model, context, able, settings)
     whole: Walkthrough | None = None
     if compare:
-        plain = replace(settings, strategy="none", wait=True, prefetch=False, cache_bytes=1 << 62)
-        whole = Walkthrough(scene, context, able, plain)
+        plain = replace(settings, strategy=FULL, wait=True, prefetch=False, cache_bytes=1 << 62)
+        whole = Walkthrough(model, context, able, plain)
     try:
         for index in range(len(path)):
             position, orientation = path.pose(index)
-            near, far = near_and_far(scene, position, able)
+            near, far = near_and_far(model, position, able)
             view = View(position, orientation, screen.field_of_view, screen.width, screen.height, near, far)
             statistics = walk.frame(view, target)
-            picture = target.read()
-            full = None
+            frame = Frame(index, able, target.read(), statistics)
             if whole is not None:
-                whole.frame(view, target)
+                lacking = whole.frame(view, target).unreadable
                 full = target.read()
-            found = None if full is None else difference(picture, full)
-            yield Frame(index, picture, statistics, found, full), able
+                found = difference(frame.picture, full)
+                frame = replace(frame, difference=found, full=full, full_unreadable=lacking)
+            yield frame
     finally:
         walk.close()
         if whole is not None:
@@ -108,65 +111,81 @@ def render(
 
 
 def play(
-    scene: Scene,
+    model: ShownModel,
     path: CameraPath,
     screen: Screen,
     settings: Settings,
     *,
     frames: Path | None = None,
-    keep: list[Picture] | None = None,
     compare: bool = False,
     progress: Progress | None = None,
 ) -> Report:
     """Renders `path`, writes the pictures into the directory `frames`, and returns the report.
 
-    keep: gets the pictures too, alpha included.
     compare: also compares each frame with the full model; the worst frame's pair and the difference go to `frames` too.
-    progress: called with (frames done, frames in all).
     """
-    if frames is not None:
-        frames.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
-    worst: Frame | None = None
-    able: Abilities | None = None
-    for frame, able in render(scene, path, screen, settings, compare=compare):  # noqa: B007
+    progress = progress or Silent()
+    keeping = ReportMaker(model, path, screen, settings, frames)
+    progress.start("rendering")
+    for frame in render(model, path, screen, settings, compare=compare):
+        keeping.add(frame)
+        progress.update(frame.index + 1, len(path))
+    progress.finish("1 frame" if len(path) == 1 else f"{len(path)} frames")
+    return keeping.report()
+
+
+class ReportMaker:
+    """Keeps what the frames of a path took, and writes their pictures."""
+
+    def __init__(
+        self, model: ShownModel, path: CameraPath, screen: Screen, settings: Settings, frames: Path | None = None
+    ) -> None:
+        """frames: directory of the pictures; None: they are not written."""
+        self._model = model
+        self._path = path
+        self._frames = frames
+        self._content: dict[str, Any] = {
+            "format": "vlod-play-report",
+            "version": 1,
+            "strategy": settings.strategy,
+            "pixel_error": settings.pixel_error or model.pixel_error,
+            "screen": asdict(screen),
+            "graphics": None,
+            "settings": asdict(settings),
+            "model_triangles": model.store.manifest.model.triangles,
+        }
+        self._rows: list[dict[str, Any]] = []
+        self._worst: Frame | None = None
+        if frames is not None:
+            frames.mkdir(parents=True, exist_ok=True)
+
+    def add(self, frame: Frame) -> None:
+        """Takes the next frame."""
         name = f"frame_{frame.index:04d}.png"
         row: dict[str, Any] = {
             "index": frame.index,
-            "time": float(path.times[frame.index]),
-            "position": path.positions[frame.index].tolist(),
-            "orientation": path.orientations[frame.index].tolist(),
-            "image": name if frames is not None else None,
+            "time": float(self._path.times[frame.index]),
+            "position": self._path.positions[frame.index].tolist(),
+            "orientation": self._path.orientations[frame.index].tolist(),
+            "image": name if self._frames is not None else None,
             **asdict(frame.statistics),
         }
-        if frames is not None:
-            save(frames / name, frame.picture)
-        if keep is not None:
-            keep.append(frame.picture)
+        if self._frames is not None:
+            save(self._frames / name, frame.picture)
         if frame.difference is not None:
             row["compare"] = asdict(frame.difference)
-            if worst is None or _badness(frame) > _badness(worst):
-                worst = frame
-        rows.append(row)
-        if progress is not None:
-            progress(frame.index + 1, len(path))
-    if able is None:
-        raise AssertionError("a path has at least one pose")
-    content: dict[str, Any] = {
-        "format": "vlod-play-report",
-        "version": 1,
-        "strategy": settings.strategy,
-        "pixel_error": settings.pixel_error or scene.pixel_error,
-        "screen": asdict(screen),
-        "graphics": asdict(able),
-        "settings": asdict(settings),
-        "model_triangles": int(scene.store.manifest.model["triangles"]),
-        "frames": rows,
-        "totals": totals(rows),
-    }
-    if worst is not None:
-        content["compare"] = _comparison(rows, worst, frames)
-    return Report(content)
+            row["full_unreadable"] = frame.full_unreadable
+            if self._worst is None or _badness(frame) > _badness(self._worst):
+                self._worst = frame
+        self._rows.append(row)
+        self._content["graphics"] = asdict(frame.graphics)
+
+    def report(self) -> Report:
+        """The report of the frames so far, of which there must be one."""
+        content = {**self._content, "frames": self._rows, "totals": totals(self._rows)}
+        if self._worst is not None:
+            content["compare"] = _comparison(self._rows, self._worst, self._frames)
+        return Report(content)
 
 
 def totals(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -186,6 +205,9 @@ def totals(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "frames": len(rows),
         "computed_frames": sum(row["computed"] for row in rows),
+        "approximate_frames": sum(row["approximate"] for row in rows),
+        "lacking_frames": sum(row["unreadable"] > 0 for row in rows),
+        "troubles": list(dict.fromkeys(row["trouble"] for row in rows if row["trouble"])),
         "cells_entered": 1 + sum(a["cell"] != b["cell"] for a, b in pairwise(rows)),
         "bytes_fetched": rows[-1]["bytes_fetched"],
         **{key: over(key) for key in counts + times},
@@ -221,8 +243,9 @@ def _comparison(rows: list[dict[str, Any]], worst: Frame, frames: Path | None) -
             save(frames / images[what], picture)
     differences = [Difference(**row["compare"]) for row in rows]
     return {
-        "with": "none",
-        "passed": all(found.passed for found in differences),
+        "with": FULL,
+        "passed": all(found.passed for found in differences) and not any(row["full_unreadable"] for row in rows),
+        "incomplete_full_frames": sum(row["full_unreadable"] > 0 for row in rows),
         "holes": sum(found.holes for found in differences),
         "frames_with_holes": sum(found.holes > 0 for found in differences),
         "largest_differing": max(found.differing for found in differences),

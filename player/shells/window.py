@@ -5,45 +5,40 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from player.camera.controls import Camera
-from player.camera.path import CameraPath, write_path
-from player.camera.view import Vector, View, up_vector
-from player.colours import COLOURS, COLOURS_SHOW
+from player import colouring
+from player.camera import steering
+from player.camera.camera import FAST, Camera
+from player.camera.path import CameraPath
+from player.camera.steering.steering import Steering
+from player.camera.view import Vector, View
 from player.errors import GraphicsError
+from player.offers import Offer, named, names
 from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.renderer.text import TextOverlay
-from player.scene import Scene
+from player.shells.free_name import free_name
+from player.shells.head_up_display import Situation, message_rows, statistics_rows
 from player.shells.headless import Screen, near_and_far, save
-from player.walkthrough import STRATEGIES, FrameStatistics, Settings, Walkthrough
-
-_HELP = (
-    ("W A S D", "move"),
-    ("E  Q", "up, down"),
-    ("drag", "look around (M: look without dragging)"),
-    ("wheel", "speed (hold shift: four times)"),
-    ("G", "walk or fly"),
-    ("1  2  3", "strategy: vlod, frustum, none"),
-    ("+  -", "allowed error in pixels (also page up, page down)"),
-    ("F", "freeze culling"),
-    ("C", "colours: the model's, by object, by level"),
-    ("P", "screenshot"),
-    ("R  T", "record a path; replay it"),
-    ("O  H", "statistics; this help"),
-    ("Esc", "quit"),
-)
+from player.shells.keys import HELD, help_rows, key_table
+from player.shells.recorder import Recorder
+from player.shown_model import ShownModel
+from player.walkthrough import FrameStatistics, Settings, Walkthrough
+from storage.base.errors import VlodError
 
 _RADIANS_PER_PIXEL = 0.004
 
-#: Height of a walker's knees, as a part of the eyes' height: what is lower is stepped on, what is higher is in the way.
-_KNEE = 0.35
+#: The longest time that one step may move by, in seconds: after a stall nobody is somewhere else.
+_LONGEST_STEP = 0.1
+
+#: Errors in pixels between which the keys change what is allowed.
+_LEAST_ERROR, _MOST_ERROR = 0.125, 64.0
 
 
 @dataclass(frozen=True)
@@ -60,14 +55,14 @@ class WindowOptions:
 class Viewer:
     """A walkthrough in a window of moderngl-window. `step` draws one frame."""
 
-    def __init__(self, window: Any, scene: Scene, settings: Settings, options: WindowOptions) -> None:
+    def __init__(self, window: Any, model: ShownModel, settings: Settings, options: WindowOptions) -> None:
         """window: a moderngl_window BaseWindow."""
         self.window = window
         self.options = options
         self.context = window.ctx
         self.able = abilities(self.context, force_gl33=options.screen.force_gl33)
-        self.scene = scene
-        self.walk = Walkthrough(scene, self.context, self.able, settings)
+        self.model = model
+        self.walk = Walkthrough(model, self.context, self.able, settings)
         self.overlay = TextOverlay(self.context)
         self.target = self._make_target()
         self.probe = Target(self.context, (8, 8), samples=0, reversed_depth=self.able.reversed_depth)
@@ -75,13 +70,12 @@ class Viewer:
         self.show_statistics = True
         self.show_help = False
         self.message = "H: help"
-        self.recorded: CameraPath | None = options.path if len(options.path) > 1 else None
         position, orientation = options.path.pose(0)
-        up = str(scene.store.manifest.model["up"])
+        up = model.store.manifest.model.up
         self.camera = Camera(np.array(position), 0.0, 0.0, up, speed=2 * options.eye_height)
         self.camera.look_at(position, orientation)
-        self._recording: list[tuple[float, np.ndarray, np.ndarray]] | None = None
-        self._replaying: float | None = 0.0 if options.replay else None
+        self.recorder = Recorder(options.output, options.path, replay=options.replay)
+        self._use_steering(steering.STEERINGS[0])
         self._clock = 0.0
         self._milliseconds = 0.0
         self._connect()
@@ -93,87 +87,110 @@ class Viewer:
         if self.target.size != tuple(self.window.buffer_size):
             self.target.release()
             self.target = self._make_target()
-        view = self.view()
-        statistics = self.walk.frame(view, self.target)
-        self.statistics = statistics
+        self.statistics = self.walk.frame(self.view(), self.target)
         self._milliseconds += 0.1 * (1000 * seconds - self._milliseconds)
         self.context.copy_framebuffer(self.window.fbo, self.target.resolved)
-        if self.show_statistics:
-            self.overlay.draw(self._statistics_rows(statistics), self.window.fbo, self.target.size, "top left")
-        if self.show_help:
-            self.overlay.draw(_HELP, self.window.fbo, self.target.size, "bottom right")
-        if self.message or statistics.absent:
-            message = f"{self.walk.packs.pending} packs to come ..." if statistics.absent else self.message
-            self.overlay.draw([(message,)], self.window.fbo, self.target.size, "bottom left")
-        return statistics
+        self._write_over(self.statistics)
+        return self.statistics
 
     def view(self) -> View:
         """What the camera sees."""
-        near, far = near_and_far(self.scene, self.camera.position, self.able)
+        near, far = near_and_far(self.model, self.camera.position, self.able)
         width, height = self.target.size
         field = self.options.screen.field_of_view
         return View(self.camera.position.copy(), self.camera.orientation, field, width, height, near, far)
 
+    def distance(self, position: Vector, direction: Vector, up: Vector) -> float:
+        """See player.camera.steering.steering.Surroundings: to what is drawn."""
+        return self.walk.distance(position, direction, up, self.probe)
+
     def on_key(self, key: Any, action: Any, modifiers: Any) -> None:
         """A key went down or up."""
-        keys = self.window.keys
-        self._hold("fast", bool(modifiers.shift))
-        held = self._moves.get(key)
+        pressed = action == self.window.keys.ACTION_PRESS
+        self.camera.hold(FAST, bool(modifiers.shift))
+        held = self._held.get(key)
         if held is not None:
-            self._hold(held, action == keys.ACTION_PRESS)
-            if action == keys.ACTION_PRESS:
-                self._replaying = None
-        elif action == keys.ACTION_PRESS:
-            do = self._actions.get(key)
-            if do is not None:
-                do()
+            self.camera.hold(held, pressed)
+            if pressed:
+                self.recorder.stop_replay()
+        elif pressed and key in self._actions:
+            try:
+                self._actions[key](self)
+            except (VlodError, OSError) as error:  # what cannot be written: no reason to close the window
+                self.message = str(error)
 
     def on_drag(self, _x: int, _y: int, dx: int, dy: int) -> None:
         """The mouse moved with a button down."""
-        self.camera.turn(dx * _RADIANS_PER_PIXEL, -dy * _RADIANS_PER_PIXEL)
+        self._steering.turn(self.camera, dx * _RADIANS_PER_PIXEL, -dy * _RADIANS_PER_PIXEL)
 
     def on_move(self, _x: int, _y: int, dx: int, dy: int) -> None:
         """The mouse moved with no button down."""
         if self.window.mouse_exclusivity:
-            self.camera.turn(dx * _RADIANS_PER_PIXEL, -dy * _RADIANS_PER_PIXEL)
+            self.on_drag(_x, _y, dx, dy)
 
     def on_scroll(self, _dx: float, dy: float) -> None:
         """The wheel turned."""
         self.camera.faster(dy)
         self.message = f"speed {self.camera.speed:.3g} units/s"
 
+    def use_strategy(self, name: str) -> None:
+        """Draws by another of player.strategies."""
+        self.walk.use_strategy(name)
+        self.message = f"strategy {name}"
+
+    def use_next_colours(self) -> None:
+        """Shows by colours what comes next in player.colouring."""
+        following = _after(colouring.COLOURINGS, self.walk.colours)
+        self.walk.use_colours(following.name)
+        self.message = f"colours: {following.shows}"
+
+    def use_next_steering(self) -> None:
+        """Moves in the way that comes next in player.camera.steering."""
+        following = _after(steering.STEERINGS, self.steering_name)
+        self._use_steering(following)
+        self.message = following.shows
+
+    def change_error(self, factor: float) -> None:
+        """Multiplies the allowed error in pixels."""
+        strategy = self.walk.strategy
+        strategy.pixel_error = min(_MOST_ERROR, max(_LEAST_ERROR, strategy.pixel_error * factor))
+        self.message = f"allowed error {strategy.pixel_error:.2f} pixels"
+
+    def freeze(self) -> None:
+        """Chooses what to draw for the present view from now on, or for every view again."""
+        self.walk.frozen = self.view() if self.walk.frozen is None else None
+        self.message = "culling is frozen; F: go on" if self.walk.frozen else "culling follows the view"
+
     def screenshot(self) -> Path:
         """Saves the picture, without the text over it."""
-        file = _free_name(self.options.output, "vlod_screenshot_{:04d}.png")
+        file = free_name(self.options.output, "vlod_screenshot_{:04d}.png")
         save(file, self.target.read())
         self.message = f"saved {file}"
         return file
 
     def record(self) -> None:
         """Begins to record a path, or ends it and saves it."""
-        if self._recording is None:
-            self._recording = []
-            self.message = "recording; R: stop"
-            return
-        poses, self._recording = self._recording, None
-        if len(poses) < 2:
-            self.message = "nothing was recorded"
-            return
-        times, positions, orientations = (np.array(column) for column in zip(*poses, strict=True))
-        self.recorded = CameraPath(times - times[0], positions, orientations)
-        file = _free_name(self.options.output, "vlod_path_{:04d}.json")
-        write_path(file, self.recorded)
-        self.message = f"saved {file}; T: replay it"
+        self.message = self.recorder.record()
 
     def replay(self) -> None:
         """Begins or ends the replay of the recorded path."""
-        if self._replaying is not None:
-            self._replaying = None
-        elif self.recorded is None:
-            self.message = "nothing to replay: record a path with R"
-        else:
-            self._replaying = 0.0
-            self.message = "replaying; T: stop"
+        self.message = self.recorder.replay() or self.message
+
+    def toggle_statistics(self) -> None:
+        """Shows or hides the statistics."""
+        self.show_statistics = not self.show_statistics
+
+    def toggle_help(self) -> None:
+        """Shows or hides the help."""
+        self.show_help = not self.show_help
+
+    def toggle_mouse(self) -> None:
+        """Looks around without a button, or with one."""
+        self.window.mouse_exclusivity = not self.window.mouse_exclusivity
+
+    def quit(self) -> None:
+        """Closes the window."""
+        self.window.close()
 
     def close(self) -> None:
         """Stops the threads and frees the GPU."""
@@ -189,28 +206,10 @@ class Viewer:
         window.mouse_position_event_func = self.on_move
         window.mouse_scroll_event_func = self.on_scroll
         window.exit_key = None
-        self._moves: dict[Any, str] = {
-            keys.W: "forward", keys.S: "back", keys.A: "left", keys.D: "right", keys.E: "up", keys.Q: "down",
-        }  # fmt: skip
-        self._actions: dict[Any, Callable[[], object]] = {
-            keys.NUMBER_1: lambda: self._use(0),
-            keys.NUMBER_2: lambda: self._use(1),
-            keys.NUMBER_3: lambda: self._use(2),
-            keys.EQUAL: lambda: self._change_error(1.25),
-            keys.PAGE_UP: lambda: self._change_error(1.25),
-            keys.MINUS: lambda: self._change_error(0.8),
-            keys.PAGE_DOWN: lambda: self._change_error(0.8),
-            keys.F: self._freeze,
-            keys.C: self._next_colours,
-            keys.G: self._toggle_walking,
-            keys.H: self._toggle_help,
-            keys.M: self._toggle_mouse,
-            keys.O: self._toggle_statistics,
-            keys.P: self.screenshot,
-            keys.R: self.record,
-            keys.T: self.replay,
-            keys.ESCAPE: window.close,
-        }
+        table = key_table()
+        self._help = help_rows(table)
+        self._held = {getattr(keys, name): move for name, move in HELD.items()}
+        self._actions = {getattr(keys, name): do for row in table for name, do in row.actions.items()}
 
     def _make_target(self) -> Target:
         return Target(
@@ -220,97 +219,37 @@ class Viewer:
             reversed_depth=self.able.reversed_depth,
         )
 
+    def _use_steering(self, offer: Offer) -> None:
+        self.steering_name = offer.name
+        self._steering: Steering = offer.load()(self, eye_height=self.options.eye_height)
+
     def _move(self, seconds: float) -> None:
-        camera = self.camera
-        if self._replaying is not None and self.recorded is not None:
-            self._replaying += seconds
-            start = float(self.recorded.times[0])
-            camera.look_at(*self.recorded.at(start + self._replaying))
-            if self._replaying >= self.recorded.duration:
-                self._replaying = None
-                self.message = "replayed; T: again"
+        if self.recorder.replaying:
+            self.message = self.recorder.lead(self.camera, seconds) or self.message
         else:
-            motion = camera.motion(min(seconds, 0.1))
-            camera.position = camera.position + (self._unhindered(motion) if camera.walking else motion)
-            if camera.walking:
-                self._stand(min(seconds, 0.1))
-        if self._recording is not None and (not self._recording or self._clock > self._recording[-1][0]):
-            self._recording.append((self._clock, camera.position.copy(), camera.orientation))
+            self._steering.move(self.camera, min(seconds, _LONGEST_STEP))
+        self.recorder.watch(self.camera, self._clock)
 
-    def _unhindered(self, motion: Vector) -> Vector:
-        """The part of a motion (3,) that walls and furniture allow: what is in the way of eyes or knees stops it."""
-        length = float(np.sqrt((motion * motion).sum()))
-        if length == 0:
-            return motion
-        up, eyes = up_vector(self.camera.up), self.options.eye_height
-        heights = [self.camera.position, self.camera.position - (1 - _KNEE) * eyes * up]
-        free = min(self.walk.distance(height, motion / length, up, self.probe) for height in heights)
-        return motion * max(0.0, min(length, free - 0.2 * eyes)) / length
+    def _write_over(self, s: FrameStatistics) -> None:
+        """Writes statistics, help and a message over the picture in the window."""
+        pending = self.walk.packs.pending
+        if self.show_statistics:
+            now = Situation(
+                milliseconds=self._milliseconds,
+                pixel_error=self.walk.strategy.pixel_error,
+                frozen=self.walk.frozen is not None,
+                pending=pending,
+                moving=named(steering.STEERINGS, self.steering_name, "way to steer").shows,
+                speed=self.camera.speed,
+                model_triangles=self.model.store.manifest.model.triangles,
+            )
+            self._write(statistics_rows(s, now), "top left")
+        if self.show_help:
+            self._write(self._help, "bottom right")
+        self._write(message_rows(s, pending, self.message), "bottom left")
 
-    def _stand(self, seconds: float) -> None:
-        """Keeps the eyes above the floor; they rise by more than a step only where there is room overhead."""
-        camera, eyes, up = self.camera, self.options.eye_height, up_vector(self.camera.up)
-        floor = self.walk.distance(camera.position, -up, camera.forward, self.probe)
-        if floor < (1 - _KNEE) * eyes:
-            overhead = self.walk.distance(camera.position, up, camera.forward, self.probe)
-            if floor + overhead < 1.1 * eyes:
-                return
-        camera.stand(floor, eyes, seconds)
-
-    def _hold(self, name: str, down: bool) -> None:
-        if down:
-            self.camera.held.add(name)
-        else:
-            self.camera.held.discard(name)
-
-    def _use(self, number: int) -> None:
-        self.walk.use_strategy(STRATEGIES[number])
-        self.message = f"strategy {STRATEGIES[number]}"
-
-    def _change_error(self, factor: float) -> None:
-        strategy = self.walk.strategy
-        strategy.pixel_error = min(64.0, max(0.125, strategy.pixel_error * factor))
-        self.message = f"allowed error {strategy.pixel_error:.2f} pixels"
-
-    def _next_colours(self) -> None:
-        following = COLOURS[(COLOURS.index(self.walk.colours) + 1) % len(COLOURS)]
-        self.walk.use_colours(following)
-        self.message = f"colours: {COLOURS_SHOW[following]}"
-
-    def _freeze(self) -> None:
-        self.walk.frozen = self.view() if self.walk.frozen is None else None
-        self.message = "culling is frozen; F: go on" if self.walk.frozen else "culling follows the view"
-
-    def _toggle_walking(self) -> None:
-        self.camera.walking = not self.camera.walking
-        self.message = "walking" if self.camera.walking else "flying"
-
-    def _toggle_help(self) -> None:
-        self.show_help = not self.show_help
-
-    def _toggle_statistics(self) -> None:
-        self.show_statistics = not self.show_statistics
-
-    def _toggle_mouse(self) -> None:
-        self.window.mouse_exclusivity = not self.window.mouse_exclusivity
-
-    def _statistics_rows(self, s: FrameStatistics) -> list[tuple[str, str]]:
-        source = "vLOD" if s.computed else ("run time" if s.strategy == "vlod" else s.strategy)
-        cell = "none" if s.cell < 0 else str(s.cell)
-        total = int(self.scene.store.manifest.model["triangles"])
-        milliseconds = max(self._milliseconds, 1e-3)
-        return [
-            ("frames/s", f"{1000 / milliseconds:.0f}  ({s.frame_ms:.1f} ms, {s.cpu_ms:.1f} ms CPU)"),
-            ("strategy", f"{s.strategy}{' (frozen)' if self.walk.frozen else ''}, cell {cell}, from {source}"),
-            ("allowed error", f"{self.walk.strategy.pixel_error:.2f} pixels"),
-            ("triangles", f"{s.triangles:,} of {total:,} ({100 * s.triangles / max(total, 1):.1f} %)"),
-            ("turned away", f"{s.turned_triangles:,} triangles left out"),
-            ("drawables", f"{s.drawables:,} in {s.draw_calls} draw calls"),
-            ("on the GPU", f"{s.cache_bytes / 1e6:.1f} MB, {self.walk.packs.pending} packs to come"),
-            ("fetched", f"{s.bytes_fetched / 1e6:.1f} MB"),
-            ("stand-ins", f"{s.replaced:,} other levels, {s.absent:,} not there yet"),
-            ("moving", f"{'walking' if self.camera.walking else 'flying'} at {self.camera.speed:.3g} units/s"),
-        ]
+    def _write(self, rows: Sequence[Sequence[str]], corner: str) -> None:
+        self.overlay.draw(rows, self.window.fbo, self.target.size, corner)
 
 
 def open_window(screen: Screen, title: str) -> Any:
@@ -334,10 +273,10 @@ def open_window(screen: Screen, title: str) -> Any:
     return window
 
 
-def run(scene: Scene, settings: Settings, options: WindowOptions) -> None:
+def run(model: ShownModel, settings: Settings, options: WindowOptions) -> None:
     """Opens a window and plays until it is closed."""
     window = open_window(options.screen, "vLOD")
-    viewer = Viewer(window, scene, replace(settings, wait=False), options)
+    viewer = Viewer(window, model, replace(settings, wait=False), options)
     last = time.perf_counter()
     try:
         while not window.is_closing:
@@ -350,9 +289,7 @@ def run(scene: Scene, settings: Settings, options: WindowOptions) -> None:
         window.destroy()
 
 
-def _free_name(directory: Path, pattern: str) -> Path:
-    directory.mkdir(parents=True, exist_ok=True)
-    number = 1
-    while (directory / pattern.format(number)).exists():
-        number += 1
-    return directory / pattern.format(number)
+def _after(offers: Sequence[Offer], name: str) -> Offer:
+    """The offer that follows the one of that name, round and round."""
+    known = names(offers)
+    return offers[(known.index(name) + 1) % len(offers)]

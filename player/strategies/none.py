@@ -6,23 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.camera.view import Vector, View
-from player.scene import Scene
+from player.shown_model import ShownModel
 from player.strategies.strategy import Choice
 
 
 class NoCulling:
     """Draws the finest level of every leaf, always."""
 
-    name = "none"
-
-    def __init__(self, scene: Scene, *, pixel_error: float) -> None:
+    def __init__(self, model: ShownModel, *, pixel_error: float, wait: bool = True) -> None:  # noqa: ARG002
         self.pixel_error = pixel_error  # has no effect here
-        self._scene = scene
-        self._everything = scene.first_drawable[scene.leaves]
+        self._model = model
+        self._everything = model.first_drawable[model.leaves]
 
     def choose(self, view: View) -> Choice:
         """The whole model."""
-        cell = int(self._scene.store.cell_at(view.position[None])[0])
+        cell = int(self._model.store.cell_at(view.position[None])[0])
         return Choice(self._everything, cell, computed=False)
 
     def ahead(self, view: View, motion: Vector) -> NDArray[np.int64] | None:  # noqa: ARG002

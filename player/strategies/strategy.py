@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from player.camera.view import Vector, View
-from player.renderer.facets import CellBox
+from player.renderer.facet_table import CellBox
+from player.shown_model import ShownModel
+from storage.base.errors import StoreError
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +22,13 @@ class Choice:
     cell: int  # the view cell that holds the eye, -1 where none was computed
     computed: bool  # the drawables come from the cell's vLOD
     within: CellBox | None = None  # the cell's box, where what it sees only from behind may be left out
+    approximate: bool = False  # carried over to another pixel error than the store was built for: something may lack
+    missing: StoreError | None = None  # why the cell's vLOD could not be read, where something else is drawn instead
 
 
 class Strategy(Protocol):
     """Which drawables for this view? One file each in this folder; all comparable on one recorded path."""
 
-    name: str
     pixel_error: float  # allowed error in pixels of the screen that the store was built for; may be changed at any time
 
     def choose(self, view: View) -> Choice:
@@ -41,4 +44,12 @@ class Strategy(Protocol):
 
     def close(self) -> None:
         """Stops what runs in the background."""
+        ...
+
+
+class MakeStrategy(Protocol):
+    """How a strategy of player.strategies.STRATEGIES is made."""
+
+    def __call__(self, model: ShownModel, *, pixel_error: float, wait: bool) -> Strategy:
+        """wait: what it reads is waited for, as long as it can be read; otherwise no call may wait for the store."""
         ...

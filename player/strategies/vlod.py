@@ -1,7 +1,7 @@
 """The precomputed strategy: the vLOD of the cell that holds the eye, tested against the frustum.
 
-The list of a cell is made once, when the eye enters it. Outside the computed cells, and until a cell's list has
-arrived, the frustum strategy answers instead: there is always a picture.
+The list of a cell is made once, when the eye enters it. Outside the computed cells, until a cell's list has arrived,
+and where it cannot be read, the frustum strategy answers instead: there is always a picture.
 
 Based on: Chhugani et al., vLOD: High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005,
 section 6.
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from player.camera.view import Boxes, Vector, View, boxes_between, boxes_in_frustum, normalised
 from player.loading.prefetch import Loader
-from player.renderer.facets import CellBox
-from player.scene import Scene
+from player.renderer.facet_table import CellBox
+from player.shown_model import ShownModel
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
 from storage.cells.deltas import apply
@@ -24,8 +24,11 @@ from storage.model.tree import overlapping
 
 Ids = NDArray[np.int64]
 
-#: Cells whose lists are kept at hand.
-_CELLS_KEPT = 512
+#: Threads that read lists: one where they are waited for, so that what is fetched is the same in every run.
+_WAITED_FOR, _IN_PASSING = 1, 2
+
+#: Bytes of lists above which those of cells that are not near are forgotten.
+_LISTS_KEPT = 1 << 26
 
 #: How far ahead along the motion cells are looked up, in edge lengths of the present cell.
 _STEPS_AHEAD = (0.6, 1.2, 1.8, 2.4)
@@ -34,16 +37,15 @@ _STEPS_AHEAD = (0.6, 1.2, 1.8, 2.4)
 class Vlod:
     """From-region visibility out of the store."""
 
-    name = "vlod"
-
-    def __init__(self, scene: Scene, *, pixel_error: float, wait: bool, threads: int = 2) -> None:
-        """wait: lists of cells are read at once, when they are needed; otherwise on `threads`, and never waited for."""
+    def __init__(self, model: ShownModel, *, pixel_error: float, wait: bool) -> None:
+        """wait: lists of cells are waited for as long as they can be read; otherwise they come when they come."""
         self.pixel_error = pixel_error
-        self._scene = scene
-        self._frustum = Frustum(scene, pixel_error=pixel_error)
-        self._sets: dict[int, Ids] = {}
-        self._loader: Loader[int, Ids] | None = None if wait else Loader(self._load, threads)
-        self._wishes: list[int] = []
+        self._model = model
+        self._wait = wait
+        self._frustum = Frustum(model, pixel_error=pixel_error)
+        self._sets: dict[int, Ids] = {}  # of the present cell, of those that may be entered next, and of former ones
+        self._loader: Loader[int, Ids] = Loader(self._load, _WAITED_FOR if wait else _IN_PASSING)
+        self._next: list[int] = []
         self._cell = -1
         self._listed: tuple[int, float] | None = None
         self._list: Ids = np.zeros(0, np.int64)
@@ -53,27 +55,36 @@ class Vlod:
 
     def choose(self, view: View) -> Choice:
         """The part of the cell's vLOD that the frustum touches."""
-        self._collect()
+        if arrived := self._loader.collect():
+            self._sets |= arrived
         cell = self._cell_of(view.position)
-        self._enter(cell)
+        if cell != self._cell:
+            self._enter(cell)
         ids = self._cell_list(cell) if cell >= 0 else None
         if ids is None:
             self._frustum.pixel_error = self.pixel_error
-            return Choice(self._frustum.choose(view).drawables, cell, computed=False)
-        return Choice(ids[boxes_in_frustum(view, self._boxes)], cell, computed=True, within=self._within)
+            instead = self._frustum.choose(view).drawables
+            return Choice(instead, cell, computed=False, missing=self._loader.failures([cell]).get(cell))
+        return Choice(
+            ids[boxes_in_frustum(view, self._boxes)],
+            cell,
+            computed=True,
+            within=self._within,
+            approximate=self.pixel_error != self._model.pixel_error,
+        )
 
     def ahead(self, view: View, motion: Vector) -> Ids | None:
         """The rest of the cell's list, then what the cells ahead add to it, then what the other neighbours add."""
         if self._cell < 0:
             return self._frustum.ahead(view, motion)
         cells = self._cells_ahead(view, motion)
-        if self._loader is None:
-            for cell in cells:
-                self._set_of(cell)
-        else:
-            self._wishes = cells
+        if cells != self._next:
+            self._next = cells
             self._wish()
         known = tuple(cell for cell in cells if cell in self._sets)
+        if self._wait and len(known) < len(cells):
+            self._sets |= self._loader.wait_for([cell for cell in cells if cell not in self._sets])
+            known = tuple(cell for cell in cells if cell in self._sets)
         state = (self._cell, known, self.pixel_error)
         if state == self._ahead_for:
             return None
@@ -87,37 +98,43 @@ class Vlod:
 
     def close(self) -> None:
         """Stops the loading threads."""
-        if self._loader is not None:
-            self._loader.close()
+        self._loader.close()
 
     def _cell_of(self, position: Vector) -> int:
         """The computed cell that holds the eye, -1 if there is none."""
         if self._cell >= 0:
-            row = self._scene.store.cells[self._cell]
+            row = self._model.store.cells[self._cell]
             if (row["lo"] < position).all() and (position < row["hi"]).all():
                 return self._cell
-        return int(self._scene.store.cell_at(position[None])[0])
+        return int(self._model.store.cell_at(position[None])[0])
 
     def _enter(self, cell: int) -> None:
-        if cell != self._cell:
-            self._cell = cell
+        """The eye is in another cell now; from the former one it came, and may go back."""
+        if self._cell >= 0:
+            self._next = [self._cell, *self._next]
+        self._cell = cell
+        if cell >= 0:
             self._wish()
+            if self._wait and cell not in self._sets:
+                self._sets |= self._loader.wait_for([cell])
 
     def _wish(self) -> None:
-        """Asks for the present cell before all others: a wish list replaces the one before it."""
-        if self._loader is not None and self._cell >= 0:
-            cells = dict.fromkeys([self._cell, *self._wishes])
-            self._loader.wish([cell for cell in cells if cell not in self._sets])
+        """Asks for the present cell before all others, and forgets those that are not near if all take too much."""
+        near = list(dict.fromkeys([self._cell, *self._next]))
+        if sum(ids.nbytes for ids in self._sets.values()) > _LISTS_KEPT:
+            self._sets = {cell: self._sets[cell] for cell in near if cell in self._sets}
+        self._loader.wish([cell for cell in near if cell not in self._sets])
 
     def _cell_list(self, cell: int) -> Ids | None:
-        """The cell's list at the allowed error; None while it has not arrived."""
+        """The cell's list at the allowed error; None while it is not there."""
         if self._listed != (cell, self.pixel_error):
-            ids = self._set_of(cell) if self._loader is None else self._sets.get(cell)
+            ids = self._sets.get(cell)
             if ids is None:
                 return None
             self._list = self._at_detail(cell, ids)
-            self._boxes = boxes_between(self._scene.drawable_lo[self._list], self._scene.drawable_hi[self._list])
-            row = self._scene.store.cells[cell]
+            rows = self._model.store.drawables[self._list]
+            self._boxes = boxes_between(rows["lo"], rows["hi"])
+            row = self._model.store.cells[cell]
             self._within = CellBox(row["lo"].copy(), row["hi"].copy())
             self._listed = (cell, self.pixel_error)
         return self._list
@@ -125,44 +142,30 @@ class Vlod:
     def _at_detail(self, cell: int, ids: Ids) -> Ids:
         """The cell's list, with the cut chosen anew where another error is allowed than the store was built for.
 
+        What is seen is carried over to other levels by the nodes that overlap: an approximation, since another level
+        of a node can be seen where this one cannot.
         A cell that was built coarser, to keep the most triangles that a cell may have, stays that much coarser.
         """
-        store = self._scene.store
-        if self.pixel_error == self._scene.pixel_error:
+        store = self._model.store
+        if self.pixel_error == self._model.pixel_error:
             return ids
         row = store.cells[cell]
-        error = float(row["pixel_error"]) * (self.pixel_error / self._scene.pixel_error)
+        error = float(row["pixel_error"]) * (self.pixel_error / self._model.pixel_error)
         angle = store.manifest.pixel_angle
         cut = choose_cut(store.nodes, store.drawables, row["lo"], row["hi"], angle, error)
-        return cut[overlapping(store.nodes, self._scene.node_of[cut], self._scene.node_of[ids])]
-
-    def _set_of(self, cell: int) -> Ids:
-        if cell not in self._sets:
-            self._remember(cell, self._load(cell))
-        return self._sets[cell]
+        return cut[overlapping(store.nodes, self._model.nodes_of(cut), self._model.nodes_of(ids))]
 
     def _load(self, cell: int) -> Ids:
         """The cell's vLOD: by the delta from the present cell where they are neighbours, else from its shard."""
-        store, here = self._scene.store, self._cell
+        store, here = self._model.store, self._cell
         known = self._sets.get(here)
         if known is not None and here != cell and cell in store.neighbours(here):
             return apply(known.astype(np.uint32), store.delta(here, cell)).astype(np.int64)
         return store.vlod(cell)
 
-    def _collect(self) -> None:
-        if self._loader is not None:
-            for cell, ids in self._loader.collect().items():
-                self._remember(cell, ids)
-
-    def _remember(self, cell: int, ids: Ids) -> None:
-        self._sets[cell] = ids
-        while len(self._sets) > _CELLS_KEPT:
-            oldest = next(iter(self._sets))
-            del self._sets[oldest]
-
     def _cells_ahead(self, view: View, motion: Vector) -> list[int]:
         """Computed cells that may be entered next, the likeliest first."""
-        store = self._scene.store
+        store = self._model.store
         direction = normalised(motion)
         if not direction.any():
             direction = view.forward

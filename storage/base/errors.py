@@ -4,7 +4,7 @@
     ├── StoreError                 something about a store
     │   ├── StoreNotFoundError     no store at that place (also a FileNotFoundError)
     │   ├── StoreFormatError       a store of a format that this version of vLOD does not read (also a ValueError)
-    │   ├── CorruptStoreError      bytes are missing or changed; names the shard (also a ValueError)
+    │   ├── CorruptStoreError      bytes are missing or changed; `file` is what is damaged (also a ValueError)
     │   ├── StoreUnreachableError  the store's place cannot be read: permissions, network (also an OSError)
     │   └── NotComputedError       a cell for which nothing was computed (also a LookupError)
     ├── ModelError                 an input that is not a model, or that cannot be used (also a ValueError)
@@ -38,7 +38,14 @@ class StoreFormatError(StoreError, ValueError):
 
 
 class CorruptStoreError(StoreError, ValueError):
-    """Bytes of a store are missing or changed. The message names the file."""
+    """Bytes of a store are missing or changed. The message names the file.
+
+    file: the file's path inside the store; None where that is not known yet.
+    """
+
+    def __init__(self, message: str, file: str | None = None) -> None:
+        super().__init__(message)
+        self.file = file
 
 
 class StoreUnreachableError(StoreError, OSError):

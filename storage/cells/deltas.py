@@ -48,11 +48,11 @@ def apply(ids: Ids, delta: Delta) -> Ids:
     return joined
 
 
-def odd_ones(lists: Sequence[Ids]) -> Ids:
-    """Ids that occur in an odd number of the lists, strictly increasing.
+def apply_chain(lists: Sequence[Ids]) -> Ids:
+    """The set after a chain of changes, strictly increasing.
 
-    A chain of deltas applied at once: each adds what is not there and drops what is, so a set followed by the changes
-    of a chain ends as the ids that it and the changes name an odd number of times.
+    lists: the set, and what each change adds and what it drops, in any order. Each adds only what is not there and
+    drops only what is, so what is there in the end are the ids that the lists name an odd number of times.
     """
     ids, counts = np.unique(np.concatenate(lists), return_counts=True)
     return ids[counts % 2 == 1].astype(np.uint32)

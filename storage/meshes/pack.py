@@ -22,7 +22,7 @@ from storage.meshes.arrangement import arranged
 from storage.meshes.byte_planes import step_planes, unstep_planes, unzigzag_planes, zigzag_planes
 from storage.meshes.connectivity import decode_triangles, encode_triangles, foretell, fulfil, make_local
 from storage.meshes.mesh_order import same_rows
-from storage.meshes.normals import foretell_normals, from_octahedral, to_octahedral
+from storage.meshes.normals import foretell_normals, to_octahedral
 from storage.meshes.wedges import decode_wedges, encode_wedges
 
 #: zstd level of packs: they are written once and decode as fast as any other.
@@ -47,7 +47,7 @@ class Pack(NamedTuple):
     """A decoded pack: all its meshes' arrays one after the other; GEOMETRY says where each begins. Read-only arrays."""
 
     positions: NDArray[np.int32]  # (n, 3)
-    normals: NDArray[np.float32]  # (n, 3), unit
+    folded: NDArray[np.int16]  # (n, 2), the normals in octahedral coordinates: storage.meshes.normals
     colours: NDArray[np.uint8]  # (n, 4)
     triangles: NDArray[np.uint32]  # (m, 3), indices relative to the mesh's first vertex
 
@@ -172,7 +172,7 @@ def _unpack(content: bytes) -> Pack:
     turned = unzigzag_planes(streams[6], 2, 2)
     decoded = Pack(
         every,
-        from_octahedral(foretell_normals(every, names) + turned),
+        (foretell_normals(every, names) + turned).astype(np.int16),
         unstep_planes(streams[7], 4),
         make_local(names, sizes),
     )

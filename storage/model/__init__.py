@@ -1,0 +1,7 @@
+"""What a store holds of a model.
+
+Read in this order:
+    tables    its parts, meshes, nodes, drawables, cells: numpy structured dtypes, field by field
+    tree      walking the hierarchy of nodes
+    cut       which nodes stand for the model as seen from a cell, and at which level
+"""

@@ -1,6 +1,8 @@
 """Reading the files of a store, wherever they are: a folder, an HTTP server, memory, an object store.
 
-Goes through fsspec; folders are read directly.
+Goes through fsspec; folders are read directly. This is the one place where a request is repeated: what a busy or
+briefly absent server refuses is asked for again, a few times and ever more slowly; what is not there or not allowed is
+not. A server that falls silent is given up after a while, so no read lasts for ever.
 """
 
 from __future__ import annotations
@@ -13,8 +15,26 @@ from urllib.parse import unquote
 
 from storage.base.errors import MissingDependencyError, StoreNotFoundError, StoreUnreachableError
 
-#: Packages whose errors mean that the place cannot be reached: fsspec's file systems pass them on.
-_NETWORK_PACKAGES = ("aiohttp", "asyncio", "botocore", "gcsfs", "adlfs", "yarl")
+#: How often a request is made before its place counts as unreachable.
+ATTEMPTS = 4
+
+#: The pause before the second attempt, in seconds; each later one is twice as long. To all a random part of as much is
+#: added, so that many players do not come back at once.
+FIRST_PAUSE = 0.2
+
+#: No attempt begins later than this after the first one, in seconds.
+LAST_ATTEMPT = 30.0
+
+#: How long an HTTP server may take to accept a connection, in seconds.
+CONNECT_TIME = 10.0
+
+#: How long an HTTP server may say nothing in the middle of an answer, in seconds.
+SILENCE_TIME = 20.0
+
+#: Answers of HTTP servers that another attempt may change, besides all from 500 on: time-out, too early, too many.
+_LATER = (408, 425, 429)
+
+_NOT_THERE = (FileNotFoundError, NotADirectoryError, IsADirectoryError)
 
 
 class Files:
@@ -38,7 +58,7 @@ class Files:
             import fsspec
 
             try:
-                self._system, self._prefix = fsspec.core.url_to_fs(self.url)
+                self._system, self._prefix = fsspec.core.url_to_fs(self.url, **_time_limits(self.url))
             except ImportError as error:
                 raise MissingDependencyError(
                     f"{self.url} cannot be read: {error}; pip install 'fsspec[{self.url.split(':')[0]}]'"
@@ -55,26 +75,26 @@ class Files:
         """
         try:
             data = self._read_folder(path, start, end) if self._folder else self._read_system(path, start, end)
-        except (FileNotFoundError, NotADirectoryError, IsADirectoryError) as error:
+        except _NOT_THERE as error:
             raise StoreNotFoundError(f"{self.url}/{path} does not exist") from error
-        except Exception as error:
-            if isinstance(error, OSError) or type(error).__module__.split(".")[0] in _NETWORK_PACKAGES:
-                raise StoreUnreachableError(
-                    f"{self.url}/{path} cannot be read: {error or type(error).__name__}"
-                ) from error
-            raise
+        except OSError as error:
+            raise self._unreachable(path, error) from error
         with self._lock:
             self.bytes_fetched += len(data)
         return data
 
     def size(self, path: str) -> int | None:
-        """Length of a file in bytes; None if it does not exist."""
+        """Length of a file in bytes; None if it does not exist, or if its server does not say.
+
+        Raises StoreUnreachableError if nothing can be learnt of it.
+        """
         try:
-            if self._folder:
-                return (self._folder / path).stat().st_size
-            return int(self._system.size(f"{self._prefix}/{path}"))
+            size = (self._folder / path).stat().st_size if self._folder else self._ask("size", path)
         except (FileNotFoundError, NotADirectoryError):
             return None
+        except OSError as error:
+            raise self._unreachable(path, error) from error
+        return None if size is None else int(size)
 
     def _read_folder(self, path: str, start: int, end: int | None) -> bytes:
         assert self._folder is not None
@@ -88,14 +108,64 @@ class Files:
             return data
 
     def _read_system(self, path: str, start: int, end: int | None) -> bytes:
-        place = f"{self._prefix}/{path}"
         if end is None:
-            return bytes(self._system.cat_file(place))
+            return bytes(self._ask("cat_file", path))
         if end <= start:
             return b""
-        data = bytes(self._system.cat_file(place, start=start, end=end))
+        data = bytes(self._ask("cat_file", path, start=start, end=end))
         if len(data) > end - start:  # a server that knows no ranges sends the whole file
             with self._lock:
                 self.bytes_fetched += len(data) - (end - start)
             data = data[start:end]
         return data
+
+    def _ask(self, operation: str, path: str, **options: int) -> Any:
+        """What the file system answers, asked again where that may help. Raises OSError, whatever the system raises."""
+        import tenacity
+
+        asking = tenacity.Retrying(
+            retry=tenacity.retry_if_exception(_may_pass),
+            stop=tenacity.stop_after_attempt(ATTEMPTS) | tenacity.stop_after_delay(LAST_ATTEMPT),
+            wait=tenacity.wait_exponential(multiplier=FIRST_PAUSE) + tenacity.wait_random(0, FIRST_PAUSE),
+            reraise=True,
+        )
+        try:
+            return asking(getattr(self._system, operation), f"{self._prefix}/{path}", **options)
+        except OSError:
+            raise
+        except Exception as error:  # every file system has errors of its own; all of them mean that it gave no answer
+            raise OSError(str(error) or type(error).__name__) from error
+
+    def _unreachable(self, path: str, error: OSError) -> StoreUnreachableError:
+        return StoreUnreachableError(f"{self.url}/{path} cannot be read: {str(error) or type(error).__name__}")
+
+
+def _time_limits(url: str) -> dict[str, Any]:
+    """What fsspec must be told so that no server named in a URL is waited for without end.
+
+    Object stores have limits of their own. Raises ImportError where HTTP's client is not installed.
+    """
+    schemes = [scheme for scheme in ("http", "https") if f"{scheme}://" in url]
+    if not schemes:
+        return {}
+    import aiohttp
+
+    limit = aiohttp.ClientTimeout(total=None, sock_connect=CONNECT_TIME, sock_read=SILENCE_TIME)
+    return {scheme: {"client_kwargs": {"timeout": limit}} for scheme in schemes}
+
+
+def _may_pass(error: BaseException) -> bool:
+    """Whether another attempt may succeed: the network failed, or the server says that it is at fault."""
+    status = getattr(error, "status", None)  # of an HTTP answer, as aiohttp and others call it
+    if isinstance(status, int):
+        return status >= 500 or status in _LATER
+    return isinstance(error, _passing_errors())
+
+
+def _passing_errors() -> tuple[type[BaseException], ...]:
+    """Errors of the network. aiohttp has its own, and no other errors than its own can come where it is missing."""
+    try:
+        import aiohttp
+    except ImportError:
+        return (ConnectionError, TimeoutError)
+    return (ConnectionError, TimeoutError, aiohttp.ClientConnectionError, aiohttp.ClientPayloadError)

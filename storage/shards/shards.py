@@ -22,15 +22,19 @@ import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, TypeVar
 
 import numpy as np
 
 from storage.base.errors import CURE, CorruptStoreError
 from storage.base.temporary import temporary_path
+from storage.shards.cache import ByteCache
+
+Value = TypeVar("Value")
 
 MAGIC = b"vLODshd\x01"
 TAIL_MAGIC = b"\x01dhsDOLv"
@@ -64,11 +68,12 @@ class Kind(IntEnum):
     DELTAS = 6  # a block of boundaries' deltas: storage.cells.codecs
 
 
-class ShardRecord(NamedTuple):
+@dataclass(frozen=True)
+class ShardRecord:
     """A finished shard."""
 
-    name: str
-    bytes: int
+    name: str  # see the top of this file
+    bytes: int  # length of the file
 
 
 def shard_path(name: str) -> str:
@@ -156,56 +161,75 @@ def write_shard(root: Path, frames: Iterable[tuple[Kind, bytes]]) -> ShardRecord
     return shard.record
 
 
+class _End(NamedTuple):
+    """What a shard's end says."""
+
+    frames: np.ndarray  # FRAME
+    whole: bytes | None  # the shard, if it is so small that it came with its end
+
+
 class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
-    read: gives the bytes from start to end of the shard's file.
-    Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
+    read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
+    long as it likes. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
     """
 
-    def __init__(self, record: ShardRecord, read: Callable[[int, int], bytes]) -> None:
+    def __init__(self, record: ShardRecord, read: Callable[[int, int], bytes], cache: ByteCache[Any]) -> None:
         self.record = record
         self._read = read
-        self._index: np.ndarray | None = None
-        self._whole: bytes | None = None  # of a shard so small that it came with its index
+        self._cache = cache
 
     @property
     def index(self) -> np.ndarray:
-        """The shard's FRAME records; read on first use, in one or two requests. A small shard comes whole with it."""
-        if self._index is None:
-            size = self.record.bytes
-            start = max(0, size - TAIL_READ)
-            end = self._range(start, size)
-            if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
-                raise self._corrupt("its end is not a shard's")
-            length = int.from_bytes(end[-32:-24], "little")
-            if length % FRAME.itemsize or length > size - TAIL_BYTES - len(MAGIC):
-                raise self._corrupt("its index has an impossible length")
-            missing = length + TAIL_BYTES - len(end)
-            if missing > 0:
-                end = self._range(start - missing, start) + end
-            index = end[len(end) - TAIL_BYTES - length : -TAIL_BYTES]
-            if _index_checksum(index) != end[-24:-8]:
-                raise self._corrupt("its index does not match its checksum")
-            if start == 0:
-                self._whole = end
-            self._index = np.frombuffer(index, FRAME)
-        return self._index
+        """The shard's FRAME records; read in one or two requests. A small shard comes whole with it."""
+        return self._end.frames
+
+    @property
+    def _end(self) -> _End:
+        end: _End = self._cache.get(("end", self.record.name), self._read_end)
+        return end
+
+    def _read_end(self) -> tuple[_End, int]:
+        size = self.record.bytes
+        start = max(0, size - TAIL_READ)
+        end = self._range(start, size)
+        if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
+            raise self.corrupt("its end is not a shard's")
+        length = int.from_bytes(end[-32:-24], "little")
+        if length % FRAME.itemsize or length > size - TAIL_BYTES - len(MAGIC):
+            raise self.corrupt("its index has an impossible length")
+        missing = length + TAIL_BYTES - len(end)
+        if missing > 0:
+            end = self._range(start - missing, start) + end
+        index = end[len(end) - TAIL_BYTES - length : -TAIL_BYTES]
+        if _index_checksum(index) != end[-24:-8]:
+            raise self.corrupt("its index does not match its checksum")
+        whole = end if start == 0 else None
+        return _End(np.frombuffer(index, FRAME), whole), len(index) + len(whole or b"")
 
     def frame(self, number: int, kind: Kind) -> bytes:
         """The bytes of frame `number`, checked against its checksum and kind."""
-        index = self.index
-        if not 0 <= number < len(index):
-            raise self._corrupt(f"it has {len(index)} frames, so no frame {number}")
-        entry = index[number]
+        frames, whole = self._end
+        if not 0 <= number < len(frames):
+            raise self.corrupt(f"it has {len(frames)} frames, so no frame {number}")
+        entry = frames[number]
         if entry["kind"] != kind:
-            raise self._corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
+            raise self.corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
         start = int(entry["offset"])
         end = start + int(entry["bytes"])
-        payload = self._range(start, end) if self._whole is None else self._whole[start:end]
+        payload = self._range(start, end) if whole is None else whole[start:end]
         if checksum(payload) != int(entry["checksum"]):
-            raise self._corrupt(f"frame {number} does not match its checksum")
+            raise self.corrupt(f"frame {number} does not match its checksum")
         return payload
+
+    def decoded(self, number: int, kind: Kind, decode: Callable[[bytes], Value]) -> Value:
+        """What `decode` makes of frame `number`; it may raise CorruptStoreError without a file."""
+        payload = self.frame(number, kind)
+        try:
+            return decode(payload)
+        except CorruptStoreError as error:
+            raise self.corrupt(f"frame {number}: {error}") from error
 
     def problems(self) -> Iterator[str]:
         """Reads the whole shard and says what is wrong with it, if anything: every byte is covered."""
@@ -217,8 +241,8 @@ class ShardReader:
         digest = hashlib.sha256(content).hexdigest()[:32]
         if digest == self.record.name:
             return
-        yield str(self._corrupt(f"its content hashes to {digest}"))
-        whole = ShardReader(self.record, lambda start, end: content[start:end])
+        yield str(self.corrupt(f"its content hashes to {digest}"))
+        whole = ShardReader(self.record, lambda start, end: content[start:end], ByteCache(0))
         try:
             frames = whole.index
         except CorruptStoreError as error:
@@ -233,11 +257,13 @@ class ShardReader:
     def _range(self, start: int, end: int) -> bytes:
         data = self._read(start, end)
         if len(data) != end - start:
-            raise self._corrupt(f"it should be {self.record.bytes} bytes long but ends before byte {end}")
+            raise self.corrupt(f"it should be {self.record.bytes} bytes long but ends before byte {end}")
         return data
 
-    def _corrupt(self, what: str) -> CorruptStoreError:
-        return CorruptStoreError(f"{shard_path(self.record.name)} is damaged: {what}; {CURE}")
+    def corrupt(self, what: str) -> CorruptStoreError:
+        """The error that says what is wrong with this shard."""
+        path = shard_path(self.record.name)
+        return CorruptStoreError(f"{path} is damaged: {what}; {CURE}", path)
 
 
 def checksum(payload: bytes) -> int:

@@ -61,7 +61,7 @@ def check(case: Case, engine: Engine, number: int, lo: np.ndarray, hi: np.ndarra
     known = found.visible
     cast = 0
     while cast < rays:
-        looked = examine(case.oracle, case.owner, case.triangles, lo, hi, known, min(PORTION, rays - cast), rng)
+        looked = examine(case.oracle, lo, hi, known, min(PORTION, rays - cast), rng)
         cast += looked.rays
         seen.update(looked.seen.tolist())
         missed.update(sight.drawable for sight in looked.missed)

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from storage.geometry_reader import Geometry
 from storage.model.cut import cut_within
 from storage.model.tree import leaves
-from storage.store import Geometry
 from tests.benchmarks.models import model_file
 from tests.benchmarks.nexus import write_ply
 from tests.jobs.built_geometry import build_geometry

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from player.renderer.draw_list import DrawList, build, draw_tables
-from player.renderer.facets import CellBox, FacetTable, PackFacets
+from player.renderer.facet_table import CellBox, FacetTable, PackFacets
 from player.renderer.surfaces import draw_calls
 from storage import open_store
 from storage.meshes.facets import part_meshes

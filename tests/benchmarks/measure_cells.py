@@ -26,7 +26,7 @@ import jobs.cells.subtree
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
-from jobs.stages import CELLS
+from jobs.stages import cells as cells_stage
 from storage import open_store
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
@@ -37,15 +37,15 @@ ALWAYS = "split whatever it saves"
 
 def measure(file: Path, folder: Path, parameters: BuildParameters) -> dict[str, Any]:
     """Builds a store, whose geometry is there already, and looks at its cells."""
-    shutil.rmtree(folder / "work" / CELLS.name, ignore_errors=True)
+    shutil.rmtree(folder / "work" / cells_stage.STAGE.name, ignore_errors=True)
     began = time.process_time()
     report = build([file], folder, parameters, SerialExecutor())
     store = open_store(folder)
     cells = store.cells
-    lo, hi = (np.asarray(store.manifest.model[name]) for name in ("lo", "hi"))
+    lo, hi = (np.asarray(corner) for corner in (store.manifest.model.lo, store.manifest.model.hi))
     if parameters.view_box is not None:
         lo, hi = np.asarray(parameters.view_box[:3]), np.asarray(parameters.view_box[3:])
-        lo, hi = lo - store.manifest.model["origin"], hi - store.manifest.model["origin"]
+        lo, hi = lo - store.manifest.model.origin, hi - store.manifest.model.origin
     inside = (np.minimum(cells["hi"], hi) - np.maximum(cells["lo"], lo)).clip(min=0).prod(axis=1)
     raised = cells["pixel_error"] > parameters.pixel_error
     return {

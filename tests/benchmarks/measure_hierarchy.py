@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from jobs.stages import HIERARCHY
+from jobs.stages import hierarchy
 from storage.model.tree import heights, leaves
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
@@ -44,7 +44,9 @@ def measure(name: str, folder: Path) -> dict[str, Any]:
     """Builds one model's hierarchy."""
     built = build_geometry([model_file(name, folder)], folder / "store")
     geometry = built.geometry
-    records = [json.loads(path.read_text()) for path in (folder / "store/work" / HIERARCHY.name).glob("*/record.json")]
+    records = [
+        json.loads(path.read_text()) for path in (folder / "store/work" / hierarchy.STAGE.name).glob("*/record.json")
+    ]
     counts = records[0]["record"]["counts"]
     own = leaves(geometry.nodes)
     finest = geometry.drawables["triangles"][geometry.nodes["first_drawable"][own]]

@@ -85,7 +85,7 @@ def measure(name: str, case: Case, work: Path, cells: int, samples: int) -> dict
     computed = opened.cells[opened.cells["computed"]]
     return {
         "name": name,
-        "triangles": int(opened.manifest.model["triangles"]),
+        "triangles": opened.manifest.model.triangles,
         "options": " ".join(case.options),
         "cells": len(computed),
         "drawables": len(opened.drawables),

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jobs.visibility.images.cube_faces import Face, Pixels
 from jobs.visibility.images.raster import LANES, draw_triangles
 from tests.benchmarks.measure_visibility import Case
 
@@ -45,7 +46,7 @@ def measure(triangles: np.ndarray, pixels: float, resolution: int, rounds: int) 
     q = placed(triangles, pixels, resolution)
     corners = np.arange(len(q), dtype=np.int32).reshape(-1, 3)
     chosen = np.arange(len(corners), dtype=np.int32)
-    window = (0, resolution - 1, 0, resolution - 1)
+    face, pixels_drawn = Face(FACE, resolution, FARTHEST), Pixels(0, resolution - 1, 0, resolution - 1)
     found = {"triangles": float(len(corners)), "pixels": float(pixels)}
     for name, covers in (("core", True), ("others", False)):
         best = np.inf
@@ -53,7 +54,7 @@ def measure(triangles: np.ndarray, pixels: float, resolution: int, rounds: int) 
             inverse = np.full((resolution, resolution + LANES), np.inf, np.float32)
             limit = np.zeros_like(inverse)
             began = time.thread_time()
-            draw_triangles(q, corners, chosen, FACE, window, np.empty((4, 2)), covers, FARTHEST, inverse, limit)
+            draw_triangles(q, corners, chosen, face, pixels_drawn, np.empty((4, 2)), covers, inverse, limit)
             best = min(best, time.thread_time() - began)
         found[f"{name}_per_second"] = len(corners) / best
     return found

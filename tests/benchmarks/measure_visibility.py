@@ -27,8 +27,8 @@ import numpy as np
 from jobs.checking.oracle import Oracle, examine
 from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
 from jobs.visibility.surfaces.soup import build_soup
+from storage.geometry_reader import Geometry
 from storage.model.cut import cut_within
-from storage.store import Geometry
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
 
@@ -134,7 +134,7 @@ class Case:
             assert found is not None
             name = " ".join(f"{value!r}" for value in eye.tolist())
             rng = np.random.default_rng([number, len(known.get(name, ()))])  # other rays in each run, the same for all
-            looked = examine(self.oracle, self.owner, self.triangles, lo, hi, found.visible, rays, rng)
+            looked = examine(self.oracle, lo, hi, found.visible, rays, rng)
             missed += len(looked.missed)
             # What was kept of earlier runs counts only as long as it is reported: single precision now and then lets a
             # ray slip between triangles, and only hits on what is not reported are confirmed in double precision.

@@ -24,13 +24,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from jobs.parameters import OBJECTS, BuildParameters
+from jobs.options.objects import OBJECTS
+from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath
 from player.camera.view import looking, up_vector, yaw_pitch_direction
-from player.scene import Scene, scene_of
-from player.shells.headless import Screen, play
+from player.shells.headless import Screen, render
+from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings
 from storage.base.progress import Silent
 from storage.store import open_store
@@ -64,16 +65,16 @@ def without(file: Path, words: list[str]) -> None:
     file.write_bytes(head[:16] + b"JSON" + text + rest)
 
 
-def outside(scene: Scene, yaw: float, pitch: float) -> CameraPath:
+def outside(model: ShownModel, yaw: float, pitch: float) -> CameraPath:
     """One pose that looks at the model from a direction in degrees and has all of it in the picture."""
-    up = str(scene.store.manifest.model["up"])
+    up = model.store.manifest.model.up
     ahead = -yaw_pitch_direction(np.radians(yaw), np.radians(pitch), up)
     orientation = looking(ahead, up_vector(up))
     right = np.cross(ahead, up_vector(up))
     right /= np.linalg.norm(right)
     above = np.cross(right, ahead)
-    corners = np.stack(np.meshgrid(*np.stack([scene.lo, scene.hi], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
-    centre = (scene.lo + scene.hi) / 2
+    corners = np.stack(np.meshgrid(*np.stack([model.lo, model.hi], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    centre = (model.lo + model.hi) / 2
     half = np.tan(np.radians(SCREEN.field_of_view) / 2) * 0.96
     wide = half * SCREEN.width / SCREEN.height
     offset = corners - centre
@@ -94,14 +95,13 @@ def picture(model: Path, options: dict, file: Path, yaw: float, pitch: float) ->
         executor = SerialExecutor()
         build([model], Path(folder) / "store", BuildParameters(**NO_CELLS, **options), executor, Silent())
         executor.close()
-        scene = scene_of(open_store(str(Path(folder) / "store")))
-        pictures: list[np.ndarray] = []
-        play(scene, outside(scene, yaw, pitch), SCREEN, Settings("none", colours="objects"), keep=pictures)
-    shown = Image.fromarray(cropped(pictures[0]))
-    shown.quantize(PALETTE, dither=Image.Dither.NONE).save(file, optimize=True)
-    store = scene.store
-    triangles = store.drawables["triangles"][scene.first_drawable[scene.leaves]]
-    return {"objects": len(scene.leaves), "triangles": int(triangles.sum()), "nodes": len(store.nodes)}
+        shown = shown_model(open_store(str(Path(folder) / "store")))
+        (frame,) = render(shown, outside(shown, yaw, pitch), SCREEN, Settings("none", colours="objects"))
+    image = Image.fromarray(cropped(frame.picture))
+    image.quantize(PALETTE, dither=Image.Dither.NONE).save(file, optimize=True)
+    store = shown.store
+    triangles = store.drawables["triangles"][shown.first_drawable[shown.leaves]]
+    return {"objects": len(shown.leaves), "triangles": int(triangles.sum()), "nodes": len(store.nodes)}
 
 
 def main() -> None:

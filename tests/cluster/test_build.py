@@ -41,7 +41,7 @@ def test_ray_writes_the_same_bytes(model, serial, ray_executor, tmp_path):
 
 
 def test_one_worker_writes_the_same_bytes_as_two(model, serial, ray_executor, tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_executor, "_window", lambda: 1)
+    monkeypatch.setattr(ray_executor, "window", lambda: 1)
     assert content(model, tmp_path / "store", ray_executor) == serial
 
 

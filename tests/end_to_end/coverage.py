@@ -13,7 +13,7 @@ from scipy.ndimage import distance_transform_edt
 
 from jobs.checking.oracle import Oracle
 from player.camera.view import View
-from storage.store import Geometry
+from storage.geometry_reader import Geometry
 
 #: Embree's single precision lets rays slip between triangles that meet along an edge. A miss counts only if in double
 #: precision, too, the ray passes every triangle by more than this part of the triangle.

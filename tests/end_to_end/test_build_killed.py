@@ -157,6 +157,27 @@ def test_an_interrupt_ends_in_130_and_keeps_what_is_finished(model, reference, o
     assert content(store) == reference[0]
 
 
+def test_two_builds_into_one_store_do_not_both_write_its_next_version(model, reference, tmp_path):
+    """Each has a work directory of its own: only the store keeps them apart. A killed one keeps nobody out."""
+    store = tmp_path / "store"
+    process = begin(model, store, ["--executor", "serial"], 2)
+    other = [*OPTIONS, "--executor", "serial", "--work", str(tmp_path / "other")]
+    try:
+        command = [*VLOD, "build", str(model), str(store), *other]
+        second = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+        assert second.returncode == 2
+        assert len(second.stderr.splitlines()) == 1
+        assert f"{store} is in use by another build (process {process.pid} " in second.stderr
+        assert "another place" in second.stderr
+        assert not (tmp_path / "other").exists()
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
+    run(model, store, "--executor", "serial", "--work", str(tmp_path / "other"))
+    assert content(store) == reference[0]
+    assert {path.name for path in store.iterdir()} == {"manifest.json", "shards", "versions", "work"}
+
+
 def test_the_second_build_in_a_work_directory_says_who_is_in_it(model, tmp_path):
     store = tmp_path / "store"
     process = begin(model, store, ["--executor", "serial"], 2)

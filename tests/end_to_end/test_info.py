@@ -12,7 +12,7 @@ import pytest
 from storage.cells.octree import Octree, neighbours
 from storage.shards.manifest import commit
 from storage.store import Store
-from storage.writer import cells_section, write_cell_shard
+from storage.vlod_writer import cells_section, write_cell_shard
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -76,7 +76,7 @@ def rewrite_cells(store: Store, rows: np.ndarray) -> None:
     pairs, _ = neighbours(rows["key"])
     sets = [store.vlod(cell).astype(np.uint32) for cell in range(len(rows))]
     shard = write_cell_shard(root, rows, sets, [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()], first=0)
-    octree = Octree(tuple(section["octree_lo"]), section["octree_size"])
+    octree = Octree(section.octree_lo, section.octree_size)
     commit(root, replace(store.manifest, cells=cells_section(root, octree, [shard])))
 
 

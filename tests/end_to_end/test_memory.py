@@ -39,6 +39,15 @@ def test_every_task_stays_below_its_estimate(kind, tmp_path):
     command = [sys.executable, "-c", BUILD, str(tmp_path / "model.glb"), str(tmp_path / "store"), str(1 << 30)]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=600)
     tasks = json.loads(done.stdout)
-    assert {stage for stage, _, _ in tasks} >= {"import", "pieces", "hierarchy", "nodes", "tables", "cells", "layout"}
+    assert {stage for stage, _, _ in tasks} >= {
+        "import",
+        "pieces",
+        "hierarchy",
+        "nodes",
+        "tables",
+        "cells",
+        "layout",
+        "shards",
+    }
     for stage, estimate, peak in tasks:
         assert 0 < peak < estimate <= 1 << 30, (stage, estimate, peak)

@@ -13,9 +13,9 @@ import pytest
 
 from jobs.scenes import write_scene
 from player.camera.view import Boxes, View, boxes_between, boxes_in_frustum, looking
+from storage.geometry_reader import Geometry
 from storage.model.cut import choose_cut, cut_within, pixel_angle
 from storage.model.tree import leaves
-from storage.store import Geometry
 from tests.end_to_end.coverage import Shown, faults, of_triangles, shown
 from tests.jobs.built_geometry import build_geometry
 from tests.jobs.detail.sampling import distances

@@ -20,7 +20,7 @@ from player.camera.view import View
 from player.renderer.context import abilities
 from player.renderer.target import Target
 from player.renderer.text import TextOverlay
-from player.scene import Scene, scene_of
+from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from tests.player.conftest import context, room, view_from  # noqa: F401
 
@@ -51,17 +51,17 @@ CASES: dict[str, tuple[View, Settings, dict[str, bool], int]] = {
 
 
 @pytest.fixture(scope="module")
-def scene(room: object) -> Scene:  # noqa: F811
+def model(room: object) -> ShownModel:  # noqa: F811
     """The room as the player sees it."""
-    return scene_of(room)
+    return shown_model(room)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_picture(context: moderngl.Context, scene: Scene, name: str, tmp_path: Path) -> None:  # noqa: F811
+def test_picture(context: moderngl.Context, model: ShownModel, name: str, tmp_path: Path) -> None:  # noqa: F811
     view, settings, force, samples = CASES[name]
     able = abilities(context, **force)
     target = Target(context, SIZE, samples=samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(scene, context, able, settings)
+    walk = Walkthrough(model, context, able, settings)
     walk.frame(view, target)
     picture = target.read()[..., :3]
     walk.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,17 +10,22 @@ import numpy as np
 
 from jobs.importing.model import Model, open_model
 from jobs.parameters import BuildParameters
-from jobs.pipeline import Run, make_geometry, make_levels
+from jobs.pipeline import STAGES, run_stages
 from jobs.running.executors import SerialExecutor
 from jobs.running.memory import MemoryWatch
+from jobs.running.run import Run
 from jobs.running.tasks import Task, TaskResult
 from jobs.running.workplace import Workplace
-from jobs.stages import IMPORT
-from jobs.stages.detail import geometry_section_of
-from jobs.stages.model import imported_model
+from jobs.stages import import_model, tables
+from jobs.stages.common.build_state import BuildState, StageFile
+from jobs.stages.common.written_geometry import open_written
+from jobs.stages.import_model import imported_model
 from storage.base.progress import Silent
+from storage.geometry_reader import Geometry
 from storage.meshes.placement import transform_points
-from storage.store import Geometry, open_geometry
+
+#: All that comes before cells.
+GEOMETRY = STAGES[: STAGES.index(tables) + 1]
 
 Shape = tuple[np.ndarray, np.ndarray]
 
@@ -34,27 +40,29 @@ class Built(NamedTuple):
 
 def build_geometry(inputs: list[Path], folder: Path, parameters: BuildParameters | None = None) -> Built:
     """Builds everything but the cells of a store in `folder`."""
-    place = Workplace(folder / "work", folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with MemoryWatch() as watch:
-        run = Run(place, SerialExecutor(), Silent(), watch)
-        imported, tables = make_geometry(run, inputs, parameters or BuildParameters())
-    geometry = open_geometry(place.store, geometry_section_of(place, tables.key))
-    assert (place.work / IMPORT.name).is_dir()
-    return Built(imported_model(place, imported.key), geometry, run)
+    state = BuildState(Workplace(folder / "work", folder), inputs, parameters or BuildParameters())
+    return _built(state, GEOMETRY)
 
 
 def build_levels(model: Path, folder: Path, parameters: BuildParameters | None = None) -> Built:
     """The same of a model that was written by `write_model`, which is moved into the work directory of `folder`."""
-    place = Workplace(folder / "work", folder)
-    imported = TaskResult(Task(IMPORT, {}), {"model": {"digest": open_model(model).digest}}, 0.0, 0.0, 0, reused=True)
+    state = BuildState(Workplace(folder / "work", folder), [], parameters or BuildParameters())
+    stage = import_model.STAGE
+    imported = TaskResult(Task(stage, {}), {"model": {"digest": open_model(model).digest}}, 0.0, 0.0, 0, reused=True)
     imported.task.__dict__["key"] = "m"
-    place.result(IMPORT.name, "m").mkdir(parents=True)
-    model.rename(place.result(IMPORT.name, "m") / "model")
+    state.place.result(stage.name, "m").mkdir(parents=True)
+    model.rename(state.place.result(stage.name, "m") / "model")
+    state.results[stage.name] = [imported]
+    return _built(state, GEOMETRY[1:])
+
+
+def _built(state: BuildState, stages: Sequence[StageFile]) -> Built:
     with MemoryWatch() as watch:
-        run = Run(place, SerialExecutor(), Silent(), watch)
-        tables = make_levels(run, imported, parameters or BuildParameters())
-    return Built(imported_model(place, "m"), open_geometry(place.store, geometry_section_of(place, tables.key)), run)
+        run = Run(state.place, SerialExecutor(), Silent(), watch)
+        run_stages(stages, run, state)
+    model = imported_model(state.place, state.one(import_model.STAGE).key)
+    return Built(model, open_written(state.place, tables.STAGE.name, state.one(tables.STAGE).key), run)
 
 
 class Originals:

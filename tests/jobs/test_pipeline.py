@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
-import jobs.cells.subtree
+import jobs.pipeline
+from jobs.cells.cuts import Leaves
 from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
@@ -72,12 +74,17 @@ def test_the_report_agrees_with_the_store(built):
     assert list(store.check()) == []
 
 
+def test_the_words_on_the_pipeline_list_its_stages():
+    listed = re.findall(r"^    (\w+)  +\S.*  +\S", jobs.pipeline.__doc__, re.MULTILINE)
+    assert listed == [file.STAGE.name for file in jobs.pipeline.STAGES]
+
+
 def test_cells_tile_the_view_space(built):
     path, _ = built
     store = open_store(path)
     model = store.manifest.model
     rng = np.random.default_rng(1)
-    points = rng.uniform(model["lo"], model["hi"], (500, 3))
+    points = rng.uniform(model.lo, model.hi, (500, 3))
     cells = store.cell_at(points)
     assert (cells >= 0).all()
     assert (store.cells["lo"][cells] <= points).all()
@@ -136,14 +143,14 @@ def test_memory_changes_no_byte_and_what_is_finished_needs_none(model, built, tm
 def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_triangles(
     model, built, tmp_path, monkeypatch
 ):
-    crowded = jobs.cells.subtree._Leaves.crowd
+    crowded = Leaves.crowd
     seen = []
 
     def noted(*arguments):
         seen.append(crowded(*arguments))
         return False
 
-    monkeypatch.setattr("jobs.cells.subtree._Leaves.crowd", noted)
+    monkeypatch.setattr(Leaves, "crowd", noted)
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert any(seen)
     assert shards(tmp_path / "store") == shards(built[0])
@@ -191,7 +198,7 @@ def test_another_visibility_engine_is_written_down_and_works_out_the_cells_anew(
 
 def test_a_region_computes_only_cells_that_touch_it(model, built, tmp_path):
     region = (0.5, 0.5, 0.5, 3.0, 3.0, 1.5)
-    view = tuple(open_store(built[0]).manifest.model["lo"] + open_store(built[0]).manifest.model["hi"])
+    view = tuple(open_store(built[0]).manifest.model.lo + open_store(built[0]).manifest.model.hi)
     parameters = dataclasses.replace(PARAMETERS, region=region, view_box=view)
     build([model], tmp_path / "store", parameters, SerialExecutor())
     cells = open_store(tmp_path / "store").cells
@@ -246,7 +253,7 @@ def test_an_edited_model_is_built_anew(tmp_path):
     write_rooms(model, rooms=2)
     report = build([model], store, BuildParameters(), SerialExecutor())
     assert report.version == 2
-    assert open_store(store).manifest.model["triangles"] == report.model["triangles"]
+    assert open_store(store).manifest.model.triangles == report.model["triangles"]
 
 
 @pytest.mark.parametrize(

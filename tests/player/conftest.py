@@ -12,8 +12,9 @@ import pytest
 from player.camera.view import View, looking
 from player.errors import GraphicsError
 from player.renderer.context import headless_context
-from player.scene import Scene, scene_of
-from storage.store import Geometry, Store
+from player.shown_model import ShownModel, shown_model
+from storage.geometry_reader import Geometry
+from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -26,9 +27,9 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Store:
 
 
 @pytest.fixture(scope="session")
-def scene(room: Store) -> Scene:
+def model(room: Store) -> ShownModel:
     """The room as the player sees it."""
-    return scene_of(room)
+    return shown_model(room)
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from player import commands
 from player.camera.path import read_path
-from player.tour import tour
+from player.tour import survey
 from storage.base import compiling
 from storage.store import Store
 from tests.player.conftest import store_path
@@ -22,7 +22,7 @@ VLOD = Path(sys.executable).with_name("vlod")
 
 def vlod(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
     """Runs `vlod` without a display."""
-    base = {"PATH": "/usr/bin:/bin", "HOME": "/tmp", **environment}
+    base = {"PATH": "/usr/bin:/bin", "HOME": "/tmp", "PYTHONPATH": str(Path(__file__).parents[2]), **environment}
     return subprocess.run(
         [str(VLOD), *map(str, arguments)], capture_output=True, text=True, check=False, env=base, timeout=300
     )
@@ -36,7 +36,7 @@ def test_help_shows_an_example(command: str) -> None:
 
 
 def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    plain = tour.survey
+    plain = survey.survey
 
     def compiles_first(*arguments: object) -> object:
         for _ in range(3):
@@ -44,7 +44,7 @@ def test_a_first_run_says_that_it_compiles(room: Store, monkeypatch: pytest.Monk
             compiling.announce(False)
         return plain(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(tour, "survey", compiles_first)
+    monkeypatch.setattr(survey, "survey", compiles_first)
     monkeypatch.setattr(compiling, "LONG", 0.0)
     arguments = [str(store_path(room)), "-o", str(tmp_path / "tour.json")]
     for _ in range(2):

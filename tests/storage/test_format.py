@@ -2,8 +2,10 @@
 
 import hashlib
 import json
+import re
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +15,10 @@ from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 
 
-def _shard(root: Path, name: str, size: int) -> list[tuple[int, bytes]]:
-    content = (root / "shards" / name).read_bytes()
-    assert len(content) == size
-    assert hashlib.sha256(content).hexdigest()[:32] == name
+def _shard(root: Path, shard: dict[str, Any]) -> list[tuple[int, bytes]]:
+    content = (root / "shards" / shard["name"]).read_bytes()
+    assert len(content) == shard["bytes"]
+    assert hashlib.sha256(content).hexdigest()[:32] == shard["name"]
     assert content[:8] == b"vLODshd\x01"
     assert content[-8:] == b"\x01dhsDOLv"
     (length,) = struct.unpack("<Q", content[-32:-24])
@@ -66,6 +68,14 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return make_store(tmp_path_factory.mktemp("store"), room_parts(), visible=visible)
 
 
+def test_the_modules_that_it_names_are_there() -> None:
+    package = Path(__file__).parents[2] / "storage"
+    named = re.findall(r"`([a-z_/]+\.py|[a-z_/]+/)`", (package / "FORMAT.md").read_text())
+    own = [name for name in named if name not in ("storage/", "shards/", "work/")]
+    assert len(own) > 8
+    assert [name for name in own if not (package / name).exists()] == []
+
+
 def test_the_manifest(store: Store) -> None:
     root = Path(store.files.url)
     data = (root / "manifest.json").read_bytes()
@@ -75,11 +85,17 @@ def test_the_manifest(store: Store) -> None:
     checksum = content.pop("checksum")
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
     assert hashlib.blake2b(canonical, digest_size=16).hexdigest() == checksum
+    assert content["format"] == 5
+    assert content["requires"] == []
+    assert set(content["model"]) == {"digest", "triangles", "lo", "hi", "origin", "up", "unit_in_metres"}
+    assert set(content["geometry"]) == {"grid_step", "tables", "shards", "counts"}
+    assert set(content["cells"]) == {"octree_lo", "octree_size", "table", "shards", "counts"}
+    assert {"format", "version", "requires", "model", "parameters", "pixel_angle", "geometry", "cells"} == set(content)
 
 
 def test_tables(store: Store) -> None:
     content = json.loads((Path(store.files.url) / "manifest.json").read_bytes())
-    frames = _shard(Path(store.files.url), *content["geometry"]["tables"])
+    frames = _shard(Path(store.files.url), content["geometry"]["tables"])
     expected = [store.parts, store.instances, store.geometry, store.packs, store.nodes, store.drawables]
     for (kind, payload), table in zip(frames[:6], expected, strict=True):
         assert kind == 1
@@ -91,10 +107,12 @@ def test_tables(store: Store) -> None:
 def test_cells(store: Store) -> None:
     root = Path(store.files.url)
     cells = json.loads((root / "manifest.json").read_bytes())["cells"]
-    assert _table(_shard(root, *cells["table"])[0][1]).tobytes() == store.cells.tobytes()
+    assert _table(_shard(root, cells["table"])[0][1]).tobytes() == store.cells.tobytes()
     first = 0
-    for name, size, count in cells["shards"]:
-        frames = _shard(root, name, size)
+    for shard in cells["shards"]:
+        assert shard["codec"] == "gap-varint-zstd"
+        count = shard["cells"]
+        frames = _shard(root, shard)
         rows, links, boundaries = (_table(payload) for _, payload in frames[:3])
         assert rows.tobytes() == store.cells[first : first + count].tobytes()
         for cell in range(count):
@@ -128,7 +146,7 @@ def test_cells(store: Store) -> None:
 def test_positions_and_source_faces(store: Store) -> None:
     """The streams' sizes, and the positions of each pack as a set."""
     root = Path(store.files.url)
-    shards = [_shard(root, *entry) for entry in json.loads((root / "manifest.json").read_bytes())["geometry"]["shards"]]
+    shards = [_shard(root, entry) for entry in json.loads((root / "manifest.json").read_bytes())["geometry"]["shards"]]
     for number, row in enumerate(store.packs):
         kind, payload = shards[row["shard"]][row["frame"]]
         assert kind == 3

@@ -1,4 +1,6 @@
+import gc
 import threading
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,9 @@ from storage import open_store
 from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
 from storage.cells.deltas import apply
 from storage.cells.octree import neighbours
+from storage.geometry_reader import open_geometry
 from storage.meshes.placement import transform_points
-from storage.store import Store, open_geometry
+from storage.store import Store
 from tests.storage.strategies import leaf_sets
 from tests.storage.tiny_store import TinyPart, box_part, make_geometry, make_store, room_parts
 
@@ -76,7 +79,7 @@ def test_normals_of_stretched_instances_stay_at_right_angles(tmp_path: Path) -> 
 def test_surfaces_are_the_meshes_one_after_the_other(
     store: Store, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("storage.store.SURFACES_AT_ONCE", at_once)
+    monkeypatch.setattr("storage.geometry_reader.SURFACES_AT_ONCE", at_once)
     ids = np.arange(len(store.drawables))[::-2]
     found = store.surfaces(ids)
     assert found.points.dtype == np.int32
@@ -217,6 +220,30 @@ def test_one_cell_costs_little(tmp_path: Path) -> None:
     assert one < shards / 4
     store.vlod(137)
     assert store.bytes_fetched - opened == one
+
+
+def test_memory_for_shards_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many shards there are, nothing of them is kept outside the caches' budgets."""
+    budget = 20_000
+    monkeypatch.setattr("storage.store.CELL_CACHE", budget)
+    monkeypatch.setattr("storage.geometry_reader.GEOMETRY_CACHE", budget)
+    make_store(tmp_path, room_parts(), depth=3, visible=_some(), cells_per_shard=1)
+    store = open_store(tmp_path)
+    assert store.manifest.cells is not None
+    read = sum(shard.bytes for shard in store.manifest.cells.shards)
+    assert read > 20 * budget  # so small that each comes whole with its index
+    visible = _some()
+    order = np.random.default_rng(0).permutation(512).tolist()
+    tracemalloc.start()
+    try:
+        for cell in order:
+            assert np.array_equal(store.vlod(cell), visible(store, store.cells[cell], store.cut(cell)))
+        store.bytes_by_kind()
+        gc.collect()
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert held < 10 * budget < read / 2
 
 
 def test_many_threads_read_the_same(store: Store) -> None:

@@ -2,7 +2,7 @@
 
     store = make_store(tmp_path / "store", room_parts(), depth=2)
 
-`make_store` writes through storage.writer like a build does. By default each cell's vLOD is its whole cut; pass
+`make_store` writes like a build does. By default each cell's vLOD is its whole cut; pass
 `visible` to say otherwise.
 """
 
@@ -15,21 +15,18 @@ from types import MappingProxyType
 
 import numpy as np
 
+from storage.cells.codecs import DEFAULT
 from storage.cells.octree import Octree, neighbours
+from storage.geometry_reader import Geometry, open_geometry
+from storage.geometry_writer import geometry_section, join_geometry, write_geometry_shard, write_tables_shard
+from storage.meshes.pack import MeshArrays
 from storage.meshes.placement import transform_points
 from storage.model.cut import choose_cut, pixel_angle
 from storage.model.tables import CELL, DRAWABLE, INSTANCE, NODE, PART, Grid
 from storage.shards.manifest import Manifest, commit
-from storage.store import Geometry, Store, open_geometry, open_store
-from storage.writer import (
-    MeshArrays,
-    cells_section,
-    geometry_section,
-    join_geometry,
-    write_cell_shard,
-    write_geometry_shard,
-    write_tables_shard,
-)
+from storage.shards.sections import GeometrySection, ModelSection
+from storage.store import Store, open_store
+from storage.vlod_writer import cells_section, write_cell_shard
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ def room_parts() -> list[TinyPart]:
     return [*walls, chair]
 
 
-def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[dict, Octree, dict]:
+def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[GeometrySection, Octree, ModelSection]:
     """Writes the geometry of a store: the manifest's section about it, an octree around it, what the manifest says of
     the model.
     """
@@ -141,16 +138,16 @@ def make_geometry(root: Path, parts: Sequence[TinyPart]) -> tuple[dict, Octree, 
         np.array(drawables, DRAWABLE),
     )
     margin = 0.05 * (hi - lo).max()
-    model = {
-        "digest": "tiny",
-        "triangles": int(sum(len(part.levels[0][1]) * max(1, len(part.matrices)) for part in parts)),
-        "lo": lo.tolist(),
-        "hi": hi.tolist(),
-        "origin": [0.0, 0.0, 0.0],
-        "up": "z",
-        "unit_in_metres": 1.0,
-    }
-    return geometry_section(root, grid.step, tables, shards), Octree.around(lo - margin, hi + margin), model
+    model = ModelSection(
+        digest="tiny",
+        triangles=int(sum(len(part.levels[0][1]) * max(1, len(part.matrices)) for part in parts)),
+        lo=tuple(lo.tolist()),
+        hi=tuple(hi.tolist()),
+        origin=(0.0, 0.0, 0.0),
+        up="z",
+        unit_in_metres=1.0,
+    )
+    return geometry_section(grid.step, tables, shards), Octree.around(lo - margin, hi + margin), model
 
 
 def make_store(
@@ -167,13 +164,14 @@ def make_store(
     screen_height: int = 1080,
     field_of_view: float = 60.0,
     cells_per_shard: int = 16,
+    codecs: Sequence[str] = (DEFAULT,),
 ) -> Store:
     """Writes a store to `root` and opens it.
 
     depth: all cells of the octree at that depth, in Morton order; keys: these cells instead (a leaf set in Morton
     order); visible(geometry, cell, cut): the vLOD of a CELL row, sorted ids out of its cut; uncomputed: numbers of
     cells that are listed but were not computed; raised: cells with a pixel error of
-    their own; cells_per_shard: cells in each cell shard.
+    their own; cells_per_shard: cells in each cell shard; codecs: the codes of the shards, by turns.
     """
     section, octree, model = make_geometry(root, parts)
     angle = pixel_angle(screen_height, field_of_view)
@@ -206,7 +204,8 @@ def make_store(
         last = min(first + cells_per_shard, len(cells))
         own = pairs[(pairs[:, 0] >= first) & (pairs[:, 0] < last)]
         faces = [(int(a), int(b), sets[a], sets[b]) for a, b in own]
-        shards.append(write_cell_shard(root, cells[first:last], sets[first:last], faces, first=first))
+        codec = codecs[len(shards) % len(codecs)]
+        shards.append(write_cell_shard(root, cells[first:last], sets[first:last], faces, first=first, codec=codec))
     manifest = Manifest(
         model=model,
         pixel_angle=angle,

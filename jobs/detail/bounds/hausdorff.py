@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.detail.bounds.closest import Surface, closest, distance2
-from jobs.detail.bounds.cover import covered
+from jobs.detail.bounds.cover import Cover, covered
 from jobs.detail.bounds.parting import NEAR2, Parts, Wanted, bound_by_parts, enough2, make_parts, reached
 from storage.base.kernels import allocating_kernel, kernel
 
@@ -42,9 +42,7 @@ class Scratch(NamedTuple):
     """What a bound is worked out in."""
 
     parts: Parts
-    seen: np.ndarray  # (triangles of the other surface,) int32 -1s
-    flood: np.ndarray  # (triangles of the other surface,) int32
-    clipped: np.ndarray  # (2, 16, 3) float64
+    cover: Cover  # of the other surface's triangles
 
 
 @allocating_kernel()
@@ -58,7 +56,7 @@ def _nothing_near(a: Surface) -> Near:
 def _make_scratch(b: Surface, parts: Parts) -> Scratch:
     """For bounds of distances from surface `b`."""
     m = len(b.triangles)
-    return Scratch(parts, np.full(m, -1, np.int32), np.empty(m, np.int32), np.empty((2, 16, 3)))
+    return Scratch(parts, Cover(np.full(m, -1, np.int32), np.empty(m, np.int32), np.empty((2, 16, 3))))
 
 
 @allocating_kernel()
@@ -116,7 +114,7 @@ def _bound_whole(
     tree, frames = b.tree, b.tree.frames
     points, triangles = a.points, a.triangles
     nearest, squared, below = near.nearest, near.squared, near.below
-    query, seen, flood = scratch.parts.query, scratch.seen, scratch.flood
+    query, seen, flood = scratch.parts.query, scratch.cover.seen, scratch.cover.queue
     limit2 = enough2(wanted)
     # most triangles lie above a single one, and often above the one that the last triangle lay above
     best2 = _corners2(points, triangles, t, frames, last, limit2)
@@ -166,7 +164,7 @@ def _bound_whole(
             flood[count] = k
             count += 1
     limit = np.sqrt(enough2(wanted))
-    best = covered(points, triangles[t], b.points, b.triangles, b.twin, limit, seen, t, flood, count, scratch.clipped)
+    best = covered(points, triangles[t], b, limit, scratch.cover, t, count)
     return best * best, start, wanted
 
 

@@ -256,55 +256,36 @@ def _size2(corners: np.ndarray, k: int) -> float:
 
 
 @kernel()
-def _part_along_edges(
-    planes: np.ndarray,
-    twin: np.ndarray,
-    face: int,
-    polygon: np.ndarray,
-    n: int,
-    side: np.ndarray,
-    rest: np.ndarray,
-    other: np.ndarray,
-    stack: np.ndarray,
-    sizes: np.ndarray,
-    hints: np.ndarray,
-    top: int,
-) -> tuple[int, int, int]:
-    """Cut the polygon's n corners along the edges of triangle `face`; push what lies outside, with the neighbour there.
+def _part_along_edges(b: Surface, k: int, parts: Parts, n: int, top: int) -> tuple[int, int, int]:
+    """Cut the n corners of `parts.polygon` along triangle k's edges; let what lies outside wait, with the one there.
 
-    Returns the new top of the stack; how many corners of `polygon`, overwritten, are left; and the triangle to try for
-    what is left: `face` itself where it lies above that, else the neighbour beyond the edge that all of it lies beyond,
+    Returns the new top of the stack; how many corners of the polygon, overwritten, are left; and the triangle to try
+    for what is left: k itself where it lies above that, else the neighbour beyond the edge that all of it lies beyond,
     -1 where there is none.
-    `side`, `rest` and `other` are scratch space.
     """
+    polygon, rest, other = parts.polygon, parts.rest, parts.other
     for edge in range(3):
-        x, y, z = planes[face, edge, 0], planes[face, edge, 1], planes[face, edge, 2]
-        n_in, n_out = _cut(polygon, n, x, y, z, planes[face, edge, 3], side, rest, other)
+        x, y, z = b.planes[k, edge, 0], b.planes[k, edge, 1], b.planes[k, edge, 2]
+        n_in, n_out = _cut(polygon, n, x, y, z, b.planes[k, edge, 3], parts.side, rest, other)
         if n_out == 0:
             continue
-        beyond = twin[3 * face + edge]
+        beyond = b.twin[3 * k + edge]
         if n_in == 0:
             return top, n, beyond // 3 if beyond >= 0 else -1
-        _copy(other, n_out, stack[top])
-        sizes[top], hints[top] = n_out, beyond // 3 if beyond >= 0 else face
+        _wait(parts, top, other, n_out, beyond // 3 if beyond >= 0 else k, 0)
         top += 1
         n = n_in
         _copy(rest, n, polygon)
-    return top, n, face
+    return top, n, k
 
 
 @kernel()
-def _halve(
-    polygon: np.ndarray,
-    n: int,
-    side: np.ndarray,
-    rest: np.ndarray,
-    other: np.ndarray,
-    stack: np.ndarray,
-    sizes: np.ndarray,
-    top: int,
-) -> int:
-    """Cut the polygon across the middle of its longest extent and push both halves; the new top of the stack."""
+def _halve(parts: Parts, n: int, k: int, top: int) -> int:
+    """Cut the n corners of `parts.polygon` across the middle of their longest extent, and let both halves wait.
+
+    k: the triangle to try for them. Returns the new top of the stack, the old one where there is nothing to cut.
+    """
+    polygon, rest, other = parts.polygon, parts.rest, parts.other
     long2, p, q = _longest(polygon, n)
     length = np.sqrt(long2)
     if not length > 0.0:
@@ -313,13 +294,53 @@ def _halve(
     y = (polygon[p, 1] - polygon[q, 1]) / length
     z = (polygon[p, 2] - polygon[q, 2]) / length
     px, py, pz = polygon[p, 0] + polygon[q, 0], polygon[p, 1] + polygon[q, 1], polygon[p, 2] + polygon[q, 2]
-    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, side, rest, other)
+    n_in, n_out = _cut(polygon, n, x, y, z, (x * px + y * py + z * pz) / 2.0, parts.side, rest, other)
     if n_in == 0 or n_out == 0:
         return top
-    _copy(rest, n_in, stack[top])
-    _copy(other, n_out, stack[top + 1])
-    sizes[top], sizes[top + 1] = n_in, n_out
+    _wait(parts, top, rest, n_in, k, 0)
+    _wait(parts, top + 1, other, n_out, k, 0)
     return top + 2
+
+
+@kernel(inline="always")
+def _wait(parts: Parts, at: int, polygon: np.ndarray, n: int, k: int, walked: int) -> None:
+    """Put the n corners of a polygon at a place of the stack; k: the triangle to try; walked: see `Parts.walks`."""
+    _copy(polygon, n, parts.stack[at])
+    parts.sizes[at], parts.hints[at], parts.walks[at] = n, k, walked
+
+
+@kernel(inline="always")
+def _look_up(b: Surface, k: int, parts: Parts, n: int, wanted: Wanted) -> tuple[float, int, Wanted]:
+    """Bound `parts.polygon` by triangle k and the one that is closest to the corner that is farthest from k.
+
+    Returns the squared bound, the closest triangle, and what is wanted from now on.
+    """
+    frames, polygon = b.tree.frames, parts.polygon
+    bound2, worst = _corner_bound(frames, k, polygon, n)
+    nearest, d2 = closest(b.tree, parts.query, polygon[worst, 0], polygon[worst, 1], polygon[worst, 2], k, 0.0)
+    bound2 = min(bound2, _around2(polygon, n, worst, d2))
+    if nearest != k:
+        bound2 = min(bound2, _corner_bound(frames, nearest, polygon, n)[0])
+    return bound2, nearest, reached(wanted, d2)
+
+
+@kernel(inline="always")
+def _part(b: Surface, k: int, parts: Parts, n: int, top: int, walked: int, cut: bool, looked_up: bool) -> int:
+    """Part the n corners of `parts.polygon` and let the parts wait; the old top of the stack if that cannot be done.
+
+    cut: along the edges of triangle k if it can be, else in two halves; walked: see `Parts.walks`; looked_up: whether k
+    is the closest triangle, so that no other is to be tried for all of the polygon.
+    """
+    if cut:
+        onto, n, onward = _part_along_edges(b, k, parts, n, top)
+        if onto > top or not looked_up:
+            if onward == k:
+                walked = ABOVE
+            else:
+                walked = walked + 1 if onward >= 0 else MANY_WALKS
+            _wait(parts, onto, parts.polygon, n, onward if onward >= 0 else k, walked)
+            return onto + 1
+    return _halve(parts, n, k, top)
 
 
 @kernel()
@@ -331,26 +352,21 @@ def bound_by_parts(
 
     whole_effort: what effort grows by where it runs out. Returns what is wanted of later ones too.
     """
-    tree, frames, corners, planes, twin = b.tree, b.tree.frames, b.corners, b.planes, b.twin
-    query, stack, sizes, hints = parts.query, parts.stack, parts.sizes, parts.hints
-    depths, walks, polygon, side = parts.depths, parts.walks, parts.polygon, parts.side
-    rest, other = parts.rest, parts.other
+    frames, polygon, depths = b.tree.frames, parts.polygon, parts.depths
     bound2 = 0.0
     limit2 = enough2(wanted)
     for e in range(3):
         for c in range(3):
-            stack[0, e, c] = points[triangles[t, e], c]
-    sizes[0], hints[0], depths[0], walks[0] = 3, start, 0, 0
-    whole2 = _longest(stack[0], 3)[0]
+            polygon[e, c] = points[triangles[t, e], c]
+    _wait(parts, 0, polygon, 3, start, 0)
+    depths[0] = 0
+    whole2 = _longest(polygon, 3)[0]
     top = 1
     while top > 0:
         top -= 1
-        n = sizes[top]
-        depth = depths[top]
-        k = hints[top]
-        walked = walks[top]
-        _copy(stack[top], n, polygon)
-        here2 = _height(planes, k, polygon, n) if walked == ABOVE else np.inf
+        n, k, depth, walked = parts.sizes[top], parts.hints[top], depths[top], parts.walks[top]
+        _copy(parts.stack[top], n, polygon)
+        here2 = _height(b.planes, k, polygon, n) if walked == ABOVE else np.inf
         if here2 > limit2:
             here2 = _within(frames, k, polygon, n, limit2)
         if here2 <= limit2:
@@ -359,67 +375,36 @@ def bound_by_parts(
         # of a piece that is small compared with what is allowed, its centre tells enough
         x, y, z, radius2 = _ball(polygon, n)
         if radius2 <= COMPACT2 * limit2:
-            _, d2 = closest(tree, query, x, y, z, k, NEAR2 * wanted.lower2)
+            _, d2 = closest(b.tree, parts.query, x, y, z, k, NEAR2 * wanted.lower2)
             wanted = reached(wanted, d2)
             limit2 = enough2(wanted)
             here2 = (np.sqrt(d2) + np.sqrt(radius2)) ** 2
             if here2 <= limit2:
                 bound2 = max(bound2, here2)
                 continue
-        large2 = LARGE2 * _size2(corners, k)
+        large2 = LARGE2 * _size2(b.corners, k)
         cut = depth < MAX_CUTS and n <= MANY_CORNERS and (whole2 <= large2 or _longest(polygon, n)[0] <= large2)
         look_up = walked >= MANY_WALKS or not cut
         if look_up:
-            here2, worst = _corner_bound(frames, k, polygon, n)
-            nearer, d2 = closest(
-                tree,
-                query,
-                polygon[worst, 0],
-                polygon[worst, 1],
-                polygon[worst, 2],
-                k,
-                0.0,
-            )
-            here2 = min(here2, _around2(polygon, n, worst, d2))
-            wanted = reached(wanted, d2)
+            here2, nearest, wanted = _look_up(b, k, parts, n, wanted)
             limit2 = enough2(wanted)
-            cut = cut and nearer != k
-            if nearer != k:
-                k = nearer
-                there2, _ = _corner_bound(frames, k, polygon, n)
-                here2 = min(here2, there2)
+            cut = cut and nearest != k
+            k = nearest
             if here2 <= limit2:
                 bound2 = max(bound2, here2)
                 continue
         wanted = _tried(wanted, whole_effort)
         limit2 = enough2(wanted)
+        onto = top
         if depth >= MAX_DEPTH or top + 5 > MAX_STACK or n + 2 > MAX_CORNERS:
-            _, d2 = closest(tree, query, polygon[0, 0], polygon[0, 1], polygon[0, 2], k, NEAR2 * wanted.lower2)
+            x, y, z = polygon[0, 0], polygon[0, 1], polygon[0, 2]
+            _, d2 = closest(b.tree, parts.query, x, y, z, k, NEAR2 * wanted.lower2)
             here2 = min(here2, _around2(polygon, n, 0, d2))
+        else:
+            onto = _part(b, k, parts, n, top, walked, cut, look_up)
+        if onto == top:
             bound2 = max(bound2, min(here2, _corner_bound(frames, k, polygon, n)[0]))
-            continue
-        bottom = top
-        if cut:
-            top, n, onward = _part_along_edges(planes, twin, k, polygon, n, side, rest, other, stack, sizes, hints, top)
-            for s in range(bottom, top):
-                walks[s] = 0
-            if top > bottom or not look_up:
-                _copy(polygon, n, stack[top])
-                sizes[top] = n
-                hints[top] = onward if onward >= 0 else k
-                if onward == k:
-                    walks[top] = ABOVE
-                else:
-                    walks[top] = walked + 1 if onward >= 0 else MANY_WALKS
-                top += 1
-        if top == bottom:
-            top = _halve(polygon, n, side, rest, other, stack, sizes, top)
-            if top == bottom:
-                bound2 = max(bound2, min(here2, _corner_bound(frames, k, polygon, n)[0]))
-                continue
-            for s in range(bottom, top):
-                hints[s] = k
-                walks[s] = 0
-        for s in range(bottom, top):
+        for s in range(top, onto):
             depths[s] = depth + 1
+        top = onto
     return bound2, wanted

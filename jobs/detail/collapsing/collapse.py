@@ -192,6 +192,41 @@ def begin(
     pairs (p, 2) int32: vertices that may be joined though no edge does.
     """
     n, m = len(points), len(triangles)
+    centre, p = _around_centre(points)
+    quadrics = np.zeros((n, 11))
+    normals, weights = _add_faces(p, triangles, quadrics)
+    _add_borders(p, triangles, twin, colours, normals, weights, quadrics)
+    first, following = _lists(triangles.reshape(-1), n)
+    pair_first, pair_following = _lists(pairs.reshape(-1), n)
+    capacity = 12 * m + 4 * len(pairs) + 64
+    state = State(
+        centre,
+        p,
+        quadrics,
+        locked.copy(),
+        triangles.copy(),
+        np.ones(m, np.bool_),
+        first,
+        following,
+        pair_first,
+        pair_following,
+        pairs.reshape(-1).copy(),
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int64),
+        np.empty(capacity),
+        np.empty((capacity, 4), np.int32),
+        np.zeros(3, np.int64),
+        np.zeros(1),
+    )
+    state.counts[_LEFT] = m
+    _fill_heap(state, twin, pairs)
+    return state
+
+
+@allocating_kernel()
+def _around_centre(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The middle (3,) int64 of the box around points (n, 3) int32, and the points less that, (n, 3) float64."""
+    n = len(points)
     centre = np.zeros(3, np.int64)
     for c in range(3):
         low, high = np.int64(points[0, c]), np.int64(points[0, c])
@@ -202,11 +237,17 @@ def begin(
     for i in range(n):
         for c in range(3):
             p[i, c] = points[i, c] - centre[c]
-    quadrics = np.zeros((n, 11))
-    first = np.full(n, -1, np.int32)
-    following = np.full(3 * m, -1, np.int32)
-    normals = np.zeros((m, 3))
-    weights = np.zeros(m)
+    return centre, p
+
+
+@allocating_kernel()
+def _add_faces(p: np.ndarray, triangles: np.ndarray, quadrics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Add each triangle's plane to the quadrics of its corners.
+
+    Returns unit normals (m, 3) float64 and weights (m,), 0 where a triangle has no area.
+    """
+    m = len(triangles)
+    normals, weights = np.zeros((m, 3)), np.zeros(m)
     for t in range(m):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         ux, uy, uz = p[b, 0] - p[a, 0], p[b, 1] - p[a, 1], p[b, 2] - p[a, 2]
@@ -220,10 +261,21 @@ def begin(
             d = x * p[a, 0] + y * p[a, 1] + z * p[a, 2]
             for e in range(3):
                 _add_plane(quadrics[triangles[t, e]], x, y, z, d, weights[t])
-        for e in range(3):
-            following[3 * t + e] = first[triangles[t, e]]
-            first[triangles[t, e]] = 3 * t + e
-    for h in range(3 * m):
+    return normals, weights
+
+
+@kernel()
+def _add_borders(
+    p: np.ndarray,
+    triangles: np.ndarray,
+    twin: np.ndarray,
+    colours: np.ndarray,
+    normals: np.ndarray,
+    weights: np.ndarray,
+    quadrics: np.ndarray,
+) -> None:
+    """Add planes at right angles to the triangles along open edges, and along those where colours change."""
+    for h in range(3 * len(triangles)):
         t, o = h // 3, twin[h]
         seam = False
         if o >= 0:
@@ -244,58 +296,47 @@ def begin(
             weight = weights[t] * (SEAM_WEIGHT if seam else RIM_WEIGHT)
             _add_plane(quadrics[a], x, y, z, d, weight)
             _add_plane(quadrics[b], x, y, z, d, weight)
-    pair_first = np.full(n, -1, np.int32)
-    pair_following = np.empty(2 * len(pairs), np.int32)
-    pair_vertex = np.empty(2 * len(pairs), np.int32)
-    for i in range(len(pairs)):
-        for e in range(2):
-            v = pairs[i, e]
-            pair_vertex[2 * i + e] = v
-            pair_following[2 * i + e] = pair_first[v]
-            pair_first[v] = 2 * i + e
-    capacity = 12 * m + 4 * len(pairs) + 64
-    state = State(
-        centre,
-        p,
-        quadrics,
-        locked.copy(),
-        triangles.copy(),
-        np.ones(m, np.bool_),
-        first,
-        following,
-        pair_first,
-        pair_following,
-        pair_vertex,
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int64),
-        np.empty(capacity),
-        np.empty((capacity, 4), np.int32),
-        np.zeros(3, np.int64),
-        np.zeros(1),
-    )
-    entries = 0
-    for h in range(3 * m):
+
+
+@allocating_kernel()
+def _lists(vertex: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The places in vertex (k,) int32 that each of n vertices has, as lists: see `State.first` and `following`."""
+    first, following = np.full(n, -1, np.int32), np.empty(len(vertex), np.int32)
+    for place in range(len(vertex)):
+        following[place] = first[vertex[place]]
+        first[vertex[place]] = place
+    return first, following
+
+
+@kernel()
+def _fill_heap(state: State, twin: np.ndarray, pairs: np.ndarray) -> None:
+    """Weigh all edges and pairs, and put those that may be collapsed in order."""
+    p, triangles, entries = state.positions, state.triangles, 0
+    for h in range(3 * len(triangles)):
         if 0 <= twin[h] < h:
             continue
         u, v = triangles[h // 3, h % 3], triangles[h // 3, (h + 1) % 3]
-        cost2 = _place(p, quadrics, locked, u, v)[3]
+        cost2 = _place(p, state.quadrics, state.locked, u, v)[3]
         if cost2 < np.inf:
-            state.heap[entries] = np.sqrt(cost2)
-            state.heap_edge[entries, 0], state.heap_edge[entries, 1] = min(u, v), max(u, v)
-            state.heap_edge[entries, 2], state.heap_edge[entries, 3] = 0, 0
+            _set_entry(state, entries, np.sqrt(cost2), u, v)
             entries += 1
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
-        cost2 = _place(p, quadrics, locked, u, v)[3]
+        cost2 = _place(p, state.quadrics, state.locked, u, v)[3]
         if cost2 < np.inf:
-            state.heap[entries] = _apart(p, u, v, cost2)
-            state.heap_edge[entries, 0], state.heap_edge[entries, 1] = min(u, v), max(u, v)
-            state.heap_edge[entries, 2], state.heap_edge[entries, 3] = 0, 0
+            _set_entry(state, entries, _apart(p, u, v, cost2), u, v)
             entries += 1
     for i in range(entries // 2 - 1, -1, -1):
         _sink(state.heap, state.heap_edge, entries, i)
-    state.counts[_HEAP], state.counts[_LEFT] = entries, m
-    return state
+    state.counts[_HEAP] = entries
+
+
+@kernel(inline="always")
+def _set_entry(state: State, at: int, cost: float, u: int, v: int) -> None:
+    """Entry `at` of the heap: the collapse of two vertices as they are in the beginning."""
+    state.heap[at] = cost
+    state.heap_edge[at, 0], state.heap_edge[at, 1] = min(u, v), max(u, v)
+    state.heap_edge[at, 2], state.heap_edge[at, 3] = 0, 0
 
 
 @kernel()

@@ -51,7 +51,8 @@ def see_through(
     """
     alpha = np.clip(np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0), 0.0, 1.0)
     solid = texture is None or bool((texture.least == 255).all())
-    if mode is AlphaMode.OPAQUE or not len(alpha) or (solid and bool((alpha == 1).all())):
+    drawn = mode is not AlphaMode.MASK or cutoff <= 1
+    if mode is AlphaMode.OPAQUE or not len(alpha) or (solid and drawn and bool((alpha == 1).all())):
         return SeenThrough(np.arange(len(alpha)), triangles, np.full(len(alpha), 255, np.uint8))
     if mode is AlphaMode.BLEND and solid:
         return SeenThrough(np.arange(len(alpha)), triangles, _byte(alpha, 255))

@@ -4,9 +4,9 @@ Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian,
 High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
 one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
 
-**Safe edges.** For a triangle t and the cell V, its side (see `mesh`) is +1 or -1 where V lies strictly on one side of
-t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of the edge,
-this side.
+**Safe edges.** For a triangle t and the cell V, its side (see `seen_mesh`) is +1 or -1 where V lies strictly on one
+side of t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of
+the edge, this side.
 So an edge is safe for V and a set S of triangles that do not meet V if two of its triangles in S have opposite
 side times direction: they lie strictly on opposite sides of the edge as seen from every p in V.
 
@@ -37,9 +37,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.visibility.flooding.flood import Images, core_window, flood_from, grow_core
+from jobs.visibility.flooding.flood import Flood, Flooded, Goal, Images, core_pixels, flood_from, grow_core
 from jobs.visibility.flooding.front_to_back import Queue, begin_queue, make_queue, next_cluster
 from jobs.visibility.flooding.seals import ROWS, Sealing, Seals, core_strips, flood_sealed
+from jobs.visibility.images.cube_faces import Face, Pixels, window_of
 from jobs.visibility.images.layers import add_layer, pixel_hides
 from jobs.visibility.images.raster import LANES, draw_triangles
 from jobs.visibility.images.silhouettes import lower_limits
@@ -52,26 +53,27 @@ from storage.base.kernels import allocating_kernel, kernel
 MOST_EPOCHS = 1 << 30
 
 
+class Canvas(NamedTuple):
+    """The images on a face that a set is drawn in, and scratch."""
+
+    limit: np.ndarray  # (r, r + LANES) float32 up to which depth a pixel hides
+    inverse: np.ndarray  # (r, r + LANES) float32 one over the depth of the set in each pixel
+    strips: np.ndarray  # as `inverse`, of the strips in gaps; none of these two where no gaps count as closed
+    beyond: np.ndarray  # the same of the triangles that count only behind strips
+    rows: np.ndarray  # (r, 2) int32 the first and the last pixel of each row whose limit is above 0
+    polygon: np.ndarray  # (4, 2) float64
+
+
 class Work(NamedTuple):
     """What occluders are drawn in, cell by cell. Epochs count floods and faces; they only grow."""
 
     epoch: np.ndarray  # (1,) int64 the last one
-    images: Images  # of the vertices; those that are known have the epoch of the face
     cored: np.ndarray  # (m,) int32 the epoch of the last face on which a triangle belonged to a core
-    seen: np.ndarray  # (m,) int32 the epoch of the last flood that took a triangle in
     core: np.ndarray  # (largest cluster,) int32
-    flood: np.ndarray  # (largest set,) int32
-    drawn: np.ndarray  # (largest set,) int32
-    unsafe: np.ndarray  # (3 largest set, 2) int32
-    polygon: np.ndarray  # (4, 2) float64
-    sweep: np.ndarray  # (4, 4) float64
-    limit: np.ndarray  # (r, r + LANES) float32
-    inverse: np.ndarray  # (r, r + LANES) float32 one over the depth of the set in each pixel
-    rows: np.ndarray  # (r, 2) int32
-    sealing: Sealing  # none of these three where no gaps count as closed
-    strips: np.ndarray  # (r, r + LANES) float32 as `inverse`, of the strips in gaps
-    beyond: np.ndarray  # the same of the triangles that count only behind strips
-    in_order: np.ndarray  # (ROWS,) int32 0, 1, 2 ...
+    flood: Flood  # those of its images that are known have the epoch of the face
+    sealing: Sealing  # empty where no gaps count as closed
+    in_order: np.ndarray  # (ROWS,) int32 0, 1, 2 ...; empty as well
+    canvas: Canvas
     queue: Queue
 
 
@@ -86,17 +88,19 @@ def make_work(vertices: int, cluster_start: np.ndarray, largest_set: int, resolu
     """
     m, r = int(cluster_start[-1]), resolution
     n, most, rows, side = (vertices, 3 * largest_set, ROWS, r) if sealed else (0, 0, 0, 0)
-    return Work(
-        np.zeros(1, np.int64),
+    flood = Flood(
         Images(np.zeros(vertices, np.int32), np.empty((vertices, 6), np.float64), np.empty(vertices, np.bool_)),
-        np.zeros(m, np.int32), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
-        np.empty(largest_set, np.int32), np.empty(largest_set, np.int32), np.empty((3 * largest_set, 2), np.int32),
-        np.empty((4, 2)), np.empty((4, 4)), _image(r), _image(r), np.empty((r, 2), np.int32),
-        Sealing(
-            np.empty((most, 2), np.int32), np.zeros((n, 4), np.int32), np.empty((MOST, 2)), np.empty(MOST, np.int64),
-            np.empty(rows, np.int64), np.empty((rows, 3), np.int32), np.empty(3),
-        ),
-        _image(side), _image(side), np.arange(rows, dtype=np.int32), make_queue(len(cluster_start) - 1),
+        np.zeros(m, np.int32), np.empty(largest_set, np.int32), np.empty(largest_set, np.int32),
+        np.empty((3 * largest_set, 2), np.int32), np.empty((4, 4)),
+    )  # fmt: skip
+    sealing = Sealing(
+        np.empty((most, 2), np.int32), np.zeros((n, 4), np.int32), np.empty((MOST, 2)), np.empty(MOST, np.int64),
+        np.empty(rows, np.int64), np.empty((rows, 3), np.int32), np.empty(3),
+    )  # fmt: skip
+    canvas = Canvas(_image(r), _image(r), _image(side), _image(side), np.empty((r, 2), np.int32), np.empty((4, 2)))
+    return Work(
+        np.zeros(1, np.int64), np.zeros(m, np.int32), np.empty(int(np.diff(cluster_start).max(initial=0)), np.int32),
+        flood, sealing, np.arange(rows, dtype=np.int32), canvas, make_queue(len(cluster_start) - 1),
     )  # fmt: skip
 
 
@@ -109,9 +113,9 @@ def forget_marks(work: Work) -> None:
     """Clear the marks where so many floods have been counted that they would not fit soon."""
     if work.epoch[0] > MOST_EPOCHS:
         work.epoch[0] = 0
-        work.images.known[:] = 0
         work.cored[:] = 0
-        work.seen[:] = 0
+        work.flood.images.known[:] = 0
+        work.flood.seen[:] = 0
         work.sealing.ends[:] = 0
 
 
@@ -157,22 +161,15 @@ def cover(
     Returns:
         (cores drawn, triangles flooded, pixels covered): counts for profiling.
     """
-    resolution = layers.shape[2]
-    images, cored, seen, core, queue = work.images, work.cored, work.seen, work.core, work.queue
-    flood, drawn, unsafe, polygon, sweep = work.flood, work.drawn, work.unsafe, work.polygon, work.sweep
-    limit, inverse, rows, sealing = work.limit, work.inverse, work.rows, work.sealing
-    strips, beyond, in_order = work.strips, work.beyond, work.in_order
-    sealed = seals.near.shape[0] > 0
-    epoch = work.epoch[0]
-    n_core_strips, n_strips = 0, 0
-    q, triangles = mesh.q, mesh.triangles
-    cores, flooded, pixels = 0, 0, 0
-    for face in range(6):
-        epoch += 1
-        mark = epoch
-        waiting = begin_queue(clusters, mesh, face, resolution, queue)
+    core, cored, epoch, queue = work.core, work.cored, work.epoch, work.queue
+    cores, flooded, covered = 0, 0, 0
+    for number in range(6):
+        face = Face(number, layers.shape[2], farthest)
+        epoch[0] += 1
+        mark = epoch[0]
+        waiting = begin_queue(clusters, mesh, number, face.resolution, queue)
         while True:
-            c, waiting = next_cluster(clusters, mesh, face, layers, queue, waiting)
+            c, waiting = next_cluster(clusters, mesh, number, layers, queue, waiting)
             if c < 0:
                 break
             first, last = clusters.start[c], clusters.start[c + 1]
@@ -180,111 +177,123 @@ def cover(
                 if cored[seed] >= mark or not may_occlude(mesh, seed):
                     continue
                 n_core = grow_core(mesh, seed, first, last, mark, cored, core)
-                n_core = min(n_core, flood.shape[0])
-                found, i0, i1, j0, j1, near = core_window(q, triangles, core, n_core, face, resolution, polygon)
-                if sealed:
-                    n_core_strips = core_strips(mesh, seals, sealing, core, n_core, seen)
-                    beside, k0, k1, l0, l1, near_beside = core_window(
-                        q, sealing.strips, in_order, n_core_strips, face, resolution, polygon
-                    )
-                    if found and beside:
-                        i0, i1, j0, j1 = min(i0, k0), max(i1, k1), min(j0, l0), max(j1, l1)
-                        near = min(near, near_beside)
-                if not found or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window:
+                n_core = min(n_core, work.flood.triangles.shape[0])
+                strips, pixels, near = _draw_core(mesh, work, seals, core[:n_core], face, smallest_window, layers)
+                if pixels.i0 > pixels.i1:
                     continue
-                if not _open_pixels(layers, face, i0, i1, j0, j1, near, inverse, limit):
-                    continue
-                window = (i0, i1, j0, j1)
-                draw_triangles(q, triangles, core[:n_core], face, window, polygon, True, farthest, inverse, limit)
-                strips_of_core = in_order[:n_core_strips]
-                draw_triangles(q, sealing.strips, strips_of_core, face, window, polygon, True, farthest, inverse, limit)
-                i0, i1, j0, j1 = _covered_window(i0, i1, j0, j1, limit)
-                if i0 > i1:
-                    continue
-                epoch += 1
-                if sealed:
-                    n_flood, n_sure, n_drawn, n_unsafe, n_strips = flood_sealed(
-                        mesh, images, seals, sealing, core, n_core, n_core_strips, face, mark, resolution,
-                        farthest, max(near, 1.5), (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
-                    )  # fmt: skip
+                epoch[0] += 1
+                goal = Goal(face, mark, epoch[0], window_of(pixels), max(near, 1.5))
+                if seals.near.shape[0] > 0:
+                    found = flood_sealed(mesh, work.flood, goal, core[:n_core], seals, work.sealing, strips)
                 else:
-                    n_flood, n_drawn, n_unsafe = flood_from(
-                        mesh, images, core, n_core, face, mark, resolution, farthest, max(near, 1.5),
-                        (i0, i1, j0, j1), epoch, seen, flood, drawn, unsafe, sweep,
-                    )  # fmt: skip
-                    n_sure = n_drawn
-                flooded += n_flood
+                    found = flood_from(mesh, work.flood, goal, core[:n_core])
+                flooded += found.size
                 cores += 1
-                if n_unsafe < 0:
-                    continue
-                window = (i0, i1, j0, j1)
-                draw_triangles(q, triangles, drawn[:n_sure], face, window, polygon, False, farthest, inverse, limit)
-                if n_strips > 0:
-                    _clear(strips, i0, i1, j0, j1)
-                    _clear(beyond, i0, i1, j0, j1)
-                    closing = in_order[:n_strips]
-                    draw_triangles(q, sealing.strips, closing, face, window, polygon, False, farthest, strips, limit)
-                    unsure = drawn[n_sure:n_drawn]
-                    draw_triangles(q, triangles, unsure, face, window, polygon, False, farthest, beyond, limit)
-                    for j in range(j0, j1 + 1):
-                        for i in range(i0, i1 + 1):
-                            if strips[j, i] < np.inf:
-                                inverse[j, i] = min(inverse[j, i], strips[j, i], beyond[j, i])
-                if not lower_limits(
-                    q, unsafe, n_unsafe, face, resolution, farthest, (i0, i1, j0, j1), sweep, rows, inverse, limit
-                ):
-                    continue
-                for j in range(j0, j1 + 1):
-                    for i in range(rows[j, 0], rows[j, 1] + 1):
-                        if limit[j, i] > 0.0:
-                            pixels += 1
-                            all_depths = limit[j, i] >= farthest
-                            add_layer(layers, face, j, i, 1.0 / inverse[j, i], np.inf if all_depths else limit[j, i])
-    work.epoch[0] = epoch
-    return cores, flooded, pixels
+                if found.unsafe >= 0:
+                    covered += _draw_set(mesh, work, found, face, pixels, layers)
+    return cores, flooded, covered
+
+
+@kernel(inline="always")
+def _draw_core(
+    mesh: Mesh,
+    work: Work,
+    seals: Seals,
+    core: np.ndarray,
+    face: Face,
+    smallest_window: int,
+    layers: np.ndarray,
+) -> tuple[int, Pixels, float]:
+    """Draw a core, (c,) int32 triangles, and the strips beside it where not all behind them is hidden yet.
+
+    Returns:
+        (triangles of the strips; around the pixels that they cover, none where it is not worth while; their nearest
+        depth)
+    """
+    q, canvas, sealing = mesh.q, work.canvas, work.sealing
+    found, pixels, near = core_pixels(q, mesh.triangles, core, face, canvas.polygon)
+    n_strips = 0
+    if seals.near.shape[0] > 0:
+        n_strips = core_strips(mesh, seals, sealing, core, work.flood.seen)
+    strips = work.in_order[:n_strips]
+    beside, other, near_beside = core_pixels(q, sealing.strips, strips, face, canvas.polygon)
+    if found and beside:
+        pixels = Pixels(
+            min(pixels.i0, other.i0), max(pixels.i1, other.i1), min(pixels.j0, other.j0), max(pixels.j1, other.j1)
+        )
+        near = min(near, near_beside)
+    i0, i1, j0, j1 = pixels
+    if (
+        not found
+        or (i1 - i0 + 1) * (j1 - j0 + 1) < smallest_window
+        or not _open_pixels(layers, face, pixels, near, canvas)
+    ):
+        return n_strips, Pixels(0, -1, 0, -1), near
+    draw_triangles(q, mesh.triangles, core, face, pixels, canvas.polygon, True, canvas.inverse, canvas.limit)
+    draw_triangles(q, sealing.strips, strips, face, pixels, canvas.polygon, True, canvas.inverse, canvas.limit)
+    return n_strips, _covered_pixels(pixels, canvas.limit), near
+
+
+@kernel(inline="always")
+def _draw_set(mesh: Mesh, work: Work, found: Flooded, face: Face, pixels: Pixels, layers: np.ndarray) -> int:
+    """Draw what was flooded from a core, which is drawn, and add what it hides to the layers; in how many pixels."""
+    q, triangles, drawn, canvas = mesh.q, mesh.triangles, work.flood.drawn, work.canvas
+    limit, inverse, strips, beyond, rows = canvas.limit, canvas.inverse, canvas.strips, canvas.beyond, canvas.rows
+    i0, i1, j0, j1 = pixels
+    draw_triangles(q, triangles, drawn[: found.sure], face, pixels, canvas.polygon, False, inverse, limit)
+    if found.strips > 0:
+        _clear(strips, pixels)
+        _clear(beyond, pixels)
+        closing, unsure = work.in_order[: found.strips], drawn[found.sure : found.drawn]
+        draw_triangles(q, work.sealing.strips, closing, face, pixels, canvas.polygon, False, strips, limit)
+        draw_triangles(q, triangles, unsure, face, pixels, canvas.polygon, False, beyond, limit)
+        for j in range(j0, j1 + 1):
+            for i in range(i0, i1 + 1):
+                if strips[j, i] < np.inf:
+                    inverse[j, i] = min(inverse[j, i], strips[j, i], beyond[j, i])
+    if not lower_limits(q, work.flood.unsafe[: found.unsafe], face, pixels, work.flood.sweep, rows, inverse, limit):
+        return 0
+    count = 0
+    for j in range(j0, j1 + 1):
+        for i in range(rows[j, 0], rows[j, 1] + 1):
+            if limit[j, i] > 0.0:
+                count += 1
+                all_depths = limit[j, i] >= face.farthest
+                add_layer(layers, face.number, j, i, 1.0 / inverse[j, i], np.inf if all_depths else limit[j, i])
+    return count
 
 
 @kernel()
-def _open_pixels(
-    layers: np.ndarray,
-    face: int,
-    i0: int,
-    i1: int,
-    j0: int,
-    j1: int,
-    near: float,
-    inverse: np.ndarray,
-    limit: np.ndarray,
-) -> bool:
-    """Whether a window has pixels where not all that is deeper than `near` is hidden yet.
+def _open_pixels(layers: np.ndarray, face: Face, pixels: Pixels, near: float, canvas: Canvas) -> bool:
+    """Whether there are pixels where not all that is deeper than `near` is hidden yet.
 
-    inverse: receives infinity in the window; limit: receives 0 in those pixels, -1 in the others.
+    canvas: `inverse` receives infinity in the pixels; `limit` receives 0 in those that are open, -1 in the others.
     """
     found = False
-    for j in range(j0, j1 + 1):
-        for i in range(i0, i1 + 1):
-            hidden = pixel_hides(layers, face, j, i, near, np.inf)
-            limit[j, i] = -1.0 if hidden else 0.0
-            inverse[j, i] = np.inf
+    for j in range(pixels.j0, pixels.j1 + 1):
+        for i in range(pixels.i0, pixels.i1 + 1):
+            hidden = pixel_hides(layers, face.number, j, i, near, np.inf)
+            canvas.limit[j, i] = -1.0 if hidden else 0.0
+            canvas.inverse[j, i] = np.inf
             found |= not hidden
     return found
 
 
 @kernel()
-def _clear(inverse: np.ndarray, i0: int, i1: int, j0: int, j1: int) -> None:
-    """Nothing is drawn in a window of an image."""
-    for j in range(j0, j1 + 1):
-        for i in range(i0, i1 + 1):
+def _clear(inverse: np.ndarray, pixels: Pixels) -> None:
+    """Nothing is drawn in some pixels of an image."""
+    for j in range(pixels.j0, pixels.j1 + 1):
+        for i in range(pixels.i0, pixels.i1 + 1):
             inverse[j, i] = np.inf
 
 
-@kernel()
-def _covered_window(i0: int, i1: int, j0: int, j1: int, limit: np.ndarray) -> tuple[int, int, int, int]:
-    """The part of a window where `limit` is positive; the first above the second where there is none."""
-    least_i, most_i, least_j, most_j = i1 + 1, i0 - 1, j1 + 1, j0 - 1
-    for j in range(j0, j1 + 1):
-        for i in range(i0, i1 + 1):
+@kernel(inline="always")
+def _covered_pixels(pixels: Pixels, limit: np.ndarray) -> Pixels:
+    """The part of some pixels around those where `limit` is positive; none where there are none."""
+    least_i, most_i, least_j, most_j = pixels.i1 + 1, pixels.i0 - 1, pixels.j1 + 1, pixels.j0 - 1
+    for j in range(pixels.j0, pixels.j1 + 1):
+        for i in range(pixels.i0, pixels.i1 + 1):
             if limit[j, i] > 0.0:
                 least_i, most_i = min(least_i, i), max(most_i, i)
                 least_j, most_j = min(least_j, j), max(most_j, j)
-    return least_i, most_i, least_j, most_j
+    return Pixels(least_i, most_i, least_j, most_j)

@@ -39,8 +39,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.visibility.flooding.flood import Images, edge_touches, find_partner, spoils_all, spread
-from jobs.visibility.surfaces.seen_mesh import Mesh, look, may_occlude
+from jobs.visibility.flooding.flood import (
+    Flood,
+    Flooded,
+    Goal,
+    Reach,
+    begin_flood,
+    edge_touches,
+    find_partner,
+    spoils_all,
+    spread,
+)
+from jobs.visibility.surfaces.seen_mesh import Mesh, may_occlude
 from storage.base.kernels import kernel
 
 #: Rows that a mesh's q has beyond its vertices: ends of parts of edges and of strips.
@@ -80,33 +90,54 @@ class Sealing(NamedTuple):
     point: np.ndarray  # (3,) float64
 
 
+class Edge(NamedTuple):
+    """An edge, as it belongs to a triangle that the whole cell sees from one side."""
+
+    low: int  # its vertices, the one with the lower number first
+    high: int
+    side: int  # +1 or -1, on which the triangle is: that of orient3d(p, low, high, c) for p in the cell, c on it
+
+
+class Taken(NamedTuple):
+    """How much there is of what a flood leaves behind."""
+
+    unsafe: int  # edges in `Flood.unsafe`; -1 where the set is of no use, see `flood_sealed`
+    strips: int  # triangles in `Sealing.strips`
+    rows: int  # the first row of q that is free
+
+
+@kernel(inline="always")
+def _edge_of(mesh: Mesh, t: int, i: int) -> Edge:
+    """Edge i of triangle t, which was looked at."""
+    a, b = mesh.triangles[t, i], mesh.triangles[t, (i + 1) % 3]
+    side = mesh.side[t]
+    return Edge(min(a, b), max(a, b), side if a < b else -side)
+
+
 @kernel()
-def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_core: int, seen: np.ndarray) -> int:
+def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, seen: np.ndarray) -> int:
     """The strips at the edges of a core, two triangles for each gap in `sealing.core_gaps`, into `sealing.strips`.
 
     They cover pixels as the core does, or a gap would be seen where a pixel's middle lies in it. Returns the number of
-    triangles. seen: (m,) int32, not negative.
+    triangles. core: (c,) int32 triangles; seen: (m,) int32, not negative.
     """
-    q, triangles, triangle_edges = mesh.q, mesh.triangles, mesh.triangle_edges
-    start, near, strips = seals.start, seals.near, sealing.strips
-    taken, count = q.shape[0] - ROWS + 2, 0
+    start, near = seals.start, seals.near
+    taken, count = mesh.q.shape[0] - ROWS + 2, 0
     last = taken + CORE_ROWS
-    for at in range(n_core):
+    for at in range(core.shape[0]):
         t = core[at]
         for i in range(3):
-            e = triangle_edges[t, i]
+            e = mesh.triangle_edges[t, i]
             if start[e] == start[e + 1]:
                 continue
             if find_partner(mesh, t, i, -1, seen) >= 0:
                 continue
-            a, b = triangles[t, i], triangles[t, (i + 1) % 3]
-            low, high = min(a, b), max(a, b)
-            mine = look(mesh, t) if a < b else -look(mesh, t)
+            edge = _edge_of(mesh, t, i)
             for k in range(start[e], start[e + 1]):
                 if taken + 4 > last:
                     return count
-                if may_occlude(mesh, near[k]) and _closes(q, triangles, seals, k, low, high, mine, sealing.point):
-                    _put_strip(q, triangles, seals, k, low, high, mine, taken, strips, count, sealing.point)
+                if may_occlude(mesh, near[k]) and _closes(mesh.q, mesh.triangles, seals, k, edge, sealing.point):
+                    _put_strip(mesh, seals, sealing, k, edge, taken, count)
                     sealing.core_gaps[count // 2] = k
                     taken += 4
                     count += 2
@@ -114,126 +145,92 @@ def core_strips(mesh: Mesh, seals: Seals, sealing: Sealing, core: np.ndarray, n_
 
 
 @kernel()
-def _put_strip(
-    q: np.ndarray, triangles: np.ndarray, seals: Seals, k: int, a: int, b: int, mine: int, row: int,
-    strips: np.ndarray, at: int, point: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the strip of gap k of the edge from vertex a to b to four rows of q, and its triangles to two of strips."""
+def _put_strip(mesh: Mesh, seals: Seals, sealing: Sealing, k: int, edge: Edge, row: int, at: int) -> None:
+    """Write the strip of gap k of an edge to four rows of q from `row` on, and its triangles to two of strips."""
+    q, strips = mesh.q, sealing.strips
     for end in range(2):
-        _put(q, row + end, a, b, seals.closed[k, end])
-        closes_at(q, triangles, seals.near[k], a, b, mine, seals.closed[k, end], seals.half, seals.distance[0], point)
+        place, t = seals.closed[k, end], seals.near[k]
+        _put(q, row + end, edge, place)
+        closes_at(q, mesh.triangles, t, edge, place, seals.half, seals.distance[0], sealing.point)
         for axis in range(3):
-            q[row + 2 + end, axis] = point[axis] / seals.half[axis]
+            q[row + 2 + end, axis] = sealing.point[axis] / seals.half[axis]
     strips[at, 0], strips[at, 1], strips[at, 2] = row, row + 2, row + 1
     strips[at + 1, 0], strips[at + 1, 1], strips[at + 1, 2] = row + 1, row + 2, row + 3
 
 
 @kernel()
 def flood_sealed(
-    mesh: Mesh,
-    images: Images,
-    seals: Seals,
-    sealing: Sealing,
-    core: np.ndarray,
-    n_core: int,
-    n_core_strips: int,
-    face: int,
-    mark: int,
-    resolution: int,
-    farthest: float,
-    least_depth: float,
-    window: tuple[int, int, int, int],
-    epoch: int,
-    seen: np.ndarray,
-    flood: np.ndarray,
-    drawn: np.ndarray,
-    unsafe: np.ndarray,
-    sweep: np.ndarray,
-) -> tuple[int, int, int, int, int]:
+    mesh: Mesh, flood: Flood, goal: Goal, core: np.ndarray, seals: Seals, sealing: Sealing, n_core_strips: int
+) -> Flooded:
     """As `flood.flood_from`, but going on at narrow gaps.
 
     Args:
         mesh: its q has ROWS rows beyond the vertices, which are written to.
-        seals: of the cell; sealing: scratch.
+        seals: of the cell; sealing: scratch, receives strips.
         n_core_strips: what `core_strips` gave for the core: these strips belong to the set.
 
     Returns:
-        (triangles in the set, how many of `drawn` hang together with the core by safe edges, how many are in `drawn`,
-        unsafe edges, triangles of strips, in `sealing.strips`). The number of unsafe edges is -1 where one of them
-        alone spoils the whole window, where there is no room for all, and where no gap was closed, so that this set
-        was drawn before.
+        No unsafe edges but -1 where one of them alone spoils the whole window, where there is no room for all, and
+        where no gap was closed, so that this set was drawn before.
     """
-    u0, u1, v0, v1 = float(window[0]), window[1] + 1.0, float(window[2]), window[3] + 1.0
-    q, triangles, triangle_edges, side = mesh.q, mesh.triangles, mesh.triangle_edges, mesh.side
-    stops, start, near, closed = sealing.stops, seals.start, seals.near, seals.closed
-    free = q.shape[0] - ROWS
-    n_flood, n_drawn, n_stops = n_core, 0, 0
+    stops, start, near = sealing.stops, seals.start, seals.near
+    triangles, seen = flood.triangles, flood.seen
+    free = mesh.q.shape[0] - ROWS
+    reach = begin_flood(flood, core, goal.epoch)
     any_closed = False
-    for k in range(n_core):
-        flood[k] = core[k]
-        seen[core[k]] = epoch
-    head, looked, n_sure = 0, 0, -1
+    looked, sure = 0, -1
     while True:
-        if head < n_flood:
-            end, n_drawn, n_stops = spread(
-                mesh, images, face, mark, resolution, farthest, 0.0, window, epoch, seen, flood, n_core, head, n_flood,
-                drawn, n_drawn, stops, n_stops, sweep,
-            )  # fmt: skip
-            head = n_flood = end
-        if n_sure < 0:
-            n_sure = n_drawn
+        if reach.gone < reach.size:
+            reach = spread(mesh, flood, goal, core.shape[0], reach, stops, False)
+        size = reach.size
+        if sure < 0:
+            sure = reach.drawn
             for k in range(n_core_strips // 2):
                 other = near[sealing.core_gaps[k]]
-                if seen[other] == epoch:
+                if seen[other] == goal.epoch:
                     continue
-                if n_flood == flood.shape[0]:
-                    return n_flood, 0, 0, -1, 0
-                flood[n_flood] = other
-                seen[other] = epoch
-                n_flood += 1
+                if size == triangles.shape[0]:
+                    return Flooded(size, 0, 0, -1, 0)
+                triangles[size] = other
+                seen[other] = goal.epoch
+                size += 1
             any_closed = n_core_strips > 0
-            if n_flood > head:
-                continue
-        if looked == n_stops:
+        elif looked == reach.stops:
             break
-        t, i = stops[looked, 0], stops[looked, 1]
-        looked += 1
-        if i > 2:
-            continue
-        e = triangle_edges[t, i]
-        a, b = triangles[t, i], triangles[t, (i + 1) % 3]
-        low, high = min(a, b), max(a, b)
-        mine = side[t] if a < b else -side[t]
-        for k in range(start[e], start[e + 1]):
-            other = near[k]
-            if (
-                not may_occlude(mesh, other)
-                or (seen[other] != epoch and n_flood == flood.shape[0])
-                or not _closes(q, triangles, seals, k, low, high, mine, sealing.point)
-            ):
+        else:
+            t, i = stops[looked, 0], stops[looked, 1]
+            looked += 1
+            if i > 2:
                 continue
-            _put(q, free, low, high, closed[k, 0])
-            _put(q, free + 1, low, high, closed[k, 1])
-            if edge_touches(q, free, free + 1, face, resolution, farthest, u0, u1, v0, v1, sweep):
-                any_closed = True
-                if seen[other] != epoch:
-                    flood[n_flood] = other
-                    seen[other] = epoch
-                    n_flood += 1
+            e = mesh.triangle_edges[t, i]
+            edge = _edge_of(mesh, t, i)
+            for k in range(start[e], start[e + 1]):
+                other = near[k]
+                if (
+                    not may_occlude(mesh, other)
+                    or (seen[other] != goal.epoch and size == triangles.shape[0])
+                    or not _closes(mesh.q, mesh.triangles, seals, k, edge, sealing.point)
+                ):
+                    continue
+                _put(mesh.q, free, edge, seals.closed[k, 0])
+                _put(mesh.q, free + 1, edge, seals.closed[k, 1])
+                if edge_touches(mesh.q, free, free + 1, goal, flood.sweep):
+                    any_closed = True
+                    if seen[other] != goal.epoch:
+                        triangles[size] = other
+                        seen[other] = goal.epoch
+                        size += 1
+        reach = Reach(size, reach.gone, reach.drawn, reach.stops)
     if not any_closed:
-        return n_flood, 0, 0, -1, 0
-    for stop in range(n_stops):
-        _mark_ends(triangles, triangle_edges, seals, sealing, stops[stop, 0], stops[stop, 1], epoch, seen)
-    n_unsafe, n_strips = 0, 0
-    taken = free + 2
-    for stop in range(n_stops):
-        n_unsafe, n_strips, taken = _edges_and_strips(
-            q, triangles, triangle_edges, side, seals, sealing, stops[stop, 0], stops[stop, 1], face, resolution,
-            farthest, least_depth, u0, u1, v0, v1, epoch, seen, unsafe, n_unsafe, n_strips, taken, sweep,
-        )  # fmt: skip
-        if n_unsafe < 0:
-            return n_flood, 0, 0, -1, 0
-    return n_flood, n_sure, n_drawn, n_unsafe, n_strips
+        return Flooded(reach.size, 0, 0, -1, 0)
+    for stop in range(reach.stops):
+        _mark_ends(mesh, seals, sealing, stops[stop, 0], stops[stop, 1], goal.epoch, seen)
+    taken = Taken(0, 0, free + 2)
+    for stop in range(reach.stops):
+        taken = _edges_and_strips(mesh, flood, goal, seals, sealing, stops[stop, 0], stops[stop, 1], taken)
+        if taken.unsafe < 0:
+            return Flooded(reach.size, 0, 0, -1, 0)
+    return Flooded(reach.size, sure, reach.drawn, taken.unsafe, taken.strips)
 
 
 @kernel()
@@ -254,27 +251,16 @@ def _find_spans(seals: Seals, sealing: Sealing, e: int, epoch: int, seen: np.nda
 
 
 @kernel()
-def _mark_ends(
-    triangles: np.ndarray,
-    triangle_edges: np.ndarray,
-    seals: Seals,
-    sealing: Sealing,
-    t: int,
-    i: int,
-    epoch: int,
-    seen: np.ndarray,
-) -> None:
+def _mark_ends(mesh: Mesh, seals: Seals, sealing: Sealing, t: int, i: int, epoch: int, seen: np.ndarray) -> None:
     """Mark the vertices of edge i % 3 of triangle t as open or closed, see `Sealing.ends`; i > 2: nothing closes it."""
     ends = sealing.ends
-    a, b = triangles[t, i % 3], triangles[t, (i + 1) % 3]
-    e = triangle_edges[t, i % 3]
-    low, high = min(a, b), max(a, b)
+    edge, e = _edge_of(mesh, t, i % 3), mesh.triangle_edges[t, i % 3]
     count = _find_spans(seals, sealing, e, epoch, seen) if i < 3 else 0
     least, most = 1.0, 0.0
     for k in range(count):
         least, most = min(least, sealing.spans[k, 0]), max(most, sealing.spans[k, 1])
     for end in range(2):
-        v = high if end else low
+        v = edge.high if end else edge.low
         if (most < 1.0) if end else (least > 0.0):
             ends[v, 0] = epoch
         elif ends[v, 1] != epoch:
@@ -285,154 +271,104 @@ def _mark_ends(
 
 @kernel()
 def _edges_and_strips(
-    q: np.ndarray,
-    triangles: np.ndarray,
-    triangle_edges: np.ndarray,
-    side: np.ndarray,
-    seals: Seals,
-    sealing: Sealing,
-    t: int,
-    i: int,
-    face: int,
-    resolution: int,
-    farthest: float,
-    least_depth: float,
-    u0: float,
-    u1: float,
-    v0: float,
-    v1: float,
-    epoch: int,
-    seen: np.ndarray,
-    unsafe: np.ndarray,
-    n_unsafe: int,
-    n_strips: int,
-    taken: int,
-    sweep: np.ndarray,
-) -> tuple[int, int, int]:
-    """Add what is unsafe of edge i % 3 of triangle t, and the strips that close the rest of it.
-
-    Returns (unsafe edges, triangles of strips, rows of q that are taken), the first -1 as in `flood_sealed`.
-    """
-    spans, gap, strips, ends, point = sealing.spans, sealing.gap, sealing.strips, sealing.ends, sealing.point
-    a, b = triangles[t, i % 3], triangles[t, (i + 1) % 3]
-    low, high = min(a, b), max(a, b)
-    mine = side[t] if a < b else -side[t]
-    count = _find_spans(seals, sealing, triangle_edges[t, i % 3], epoch, seen) if i < 3 else 0
-    if taken + 6 * (count + 1) > q.shape[0]:  # four for each strip, two for each part between them
-        return -1, 0, taken
+    mesh: Mesh, flood: Flood, goal: Goal, seals: Seals, sealing: Sealing, t: int, i: int, taken: Taken
+) -> Taken:
+    """Add what is unsafe of edge i % 3 of triangle t, and the strips that close the rest of it."""
+    q, spans, gap, ends = mesh.q, sealing.spans, sealing.gap, sealing.ends
+    edge = _edge_of(mesh, t, i % 3)
+    count = _find_spans(seals, sealing, mesh.triangle_edges[t, i % 3], goal.epoch, flood.seen) if i < 3 else 0
+    n_unsafe, n_strips, row = taken
+    if row + 6 * (count + 1) > q.shape[0]:  # four for each strip, two for each part between them
+        return Taken(-1, 0, row)
     place = 0.0
     for k in range(count + 1):
         begin = spans[k, 0] if k < count else 1.0
         if begin > place:
-            first, last = low, high
+            first, last = edge.low, edge.high
             if place > 0.0:
-                first = taken
-                taken += 1
-                _put(q, first, low, high, place)
+                first = row
+                row += 1
+                _put(q, first, edge, place)
             if begin < 1.0:
-                last = taken
-                taken += 1
-                _put(q, last, low, high, begin)
-            n_unsafe = _add_unsafe(
-                q, first, last, face, resolution, farthest, least_depth, u0, u1, v0, v1, unsafe, n_unsafe, sweep
-            )
+                last = row
+                row += 1
+                _put(q, last, edge, begin)
+            n_unsafe = _add_unsafe(q, first, last, flood, goal, n_unsafe)
             if n_unsafe < 0:
-                return -1, 0, taken
+                return Taken(-1, 0, row)
         if k == count:
             break
         end = spans[k, 1]
-        y0, y1, c0, c1 = taken, taken + 1, taken + 2, taken + 3
-        _put_strip(q, triangles, seals, gap[k], low, high, mine, taken, strips, n_strips, point)
+        y0, y1, c0, c1 = row, row + 1, row + 2, row + 3
+        _put_strip(mesh, seals, sealing, gap[k], edge, row, n_strips)
         if (
-            edge_touches(q, y0, y1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or edge_touches(q, c0, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or edge_touches(q, y0, c0, face, resolution, farthest, u0, u1, v0, v1, sweep)
-            or edge_touches(q, y1, c1, face, resolution, farthest, u0, u1, v0, v1, sweep)
+            edge_touches(q, y0, y1, goal, flood.sweep)
+            or edge_touches(q, c0, c1, goal, flood.sweep)
+            or edge_touches(q, y0, c0, goal, flood.sweep)
+            or edge_touches(q, y1, c1, goal, flood.sweep)
         ):
-            taken += 4
+            row += 4
             n_strips += 2
             before, follows = False, False
             for other in range(count):
                 before |= spans[other, 0] < begin <= spans[other, 1]
                 follows |= spans[other, 0] <= end < spans[other, 1]
             if begin <= 0.0:
-                before = ends[low, 0] != epoch and ends[low, 3] == epoch
+                before = ends[edge.low, 0] != goal.epoch and ends[edge.low, 3] == goal.epoch
             if end >= 1.0:
-                follows = ends[high, 0] != epoch and ends[high, 3] == epoch
+                follows = ends[edge.high, 0] != goal.epoch and ends[edge.high, 3] == goal.epoch
             if not before:
-                n_unsafe = _add_unsafe(
-                    q, y0, c0, face, resolution, farthest, least_depth, u0, u1, v0, v1, unsafe, n_unsafe, sweep
-                )
+                n_unsafe = _add_unsafe(q, y0, c0, flood, goal, n_unsafe)
             if n_unsafe >= 0 and not follows:
-                n_unsafe = _add_unsafe(
-                    q, y1, c1, face, resolution, farthest, least_depth, u0, u1, v0, v1, unsafe, n_unsafe, sweep
-                )
+                n_unsafe = _add_unsafe(q, y1, c1, flood, goal, n_unsafe)
             if n_unsafe < 0:
-                return -1, 0, taken
+                return Taken(-1, 0, row)
         place = max(place, end)
-    return n_unsafe, n_strips, taken
+    return Taken(n_unsafe, n_strips, row)
 
 
 @kernel()
-def _add_unsafe(
-    q: np.ndarray,
-    first: int,
-    last: int,
-    face: int,
-    resolution: int,
-    farthest: float,
-    least_depth: float,
-    u0: float,
-    u1: float,
-    v0: float,
-    v1: float,
-    unsafe: np.ndarray,
-    n_unsafe: int,
-    sweep: np.ndarray,
-) -> int:
+def _add_unsafe(q: np.ndarray, first: int, last: int, flood: Flood, goal: Goal, n_unsafe: int) -> int:
     """Add the edge between two rows of q where it touches the window; returns how many there are, -1: see above."""
-    if not edge_touches(q, first, last, face, resolution, farthest, u0, u1, v0, v1, sweep):
+    unsafe = flood.unsafe
+    if not edge_touches(q, first, last, goal, flood.sweep):
         return n_unsafe
     if n_unsafe == unsafe.shape[0]:
         return -1
     unsafe[n_unsafe, 0], unsafe[n_unsafe, 1] = first, last
-    if spoils_all(q, first, last, face, resolution, least_depth, u0, u1, v0, v1, sweep):
+    if spoils_all(q, first, last, goal, flood.sweep):
         return -1
     return n_unsafe + 1
 
 
 @kernel(inline="always")
-def _put(q: np.ndarray, row: int, a: int, b: int, place: float) -> None:
-    """Write the point at `place` between vertices a and b to a row of q."""
+def _put(q: np.ndarray, row: int, edge: Edge, place: float) -> None:
+    """Write the point at `place` of an edge, 0 at its low vertex and 1 at the other, to a row of q."""
     for k in range(3):
-        q[row, k] = q[a, k] + place * (q[b, k] - q[a, k])
+        q[row, k] = q[edge.low, k] + place * (q[edge.high, k] - q[edge.low, k])
 
 
 @kernel()
-def _closes(
-    q: np.ndarray, triangles: np.ndarray, seals: Seals, k: int, a: int, b: int, mine: int, point: np.ndarray
-) -> bool:
-    """Whether gap k of the edge from vertex a to b is closed for the cell, in part at least; see `Seals.closed`.
+def _closes(q: np.ndarray, triangles: np.ndarray, seals: Seals, k: int, edge: Edge, point: np.ndarray) -> bool:
+    """Whether gap k of an edge is closed for the cell, in part at least; see `Seals.closed`.
 
-    mine: on which side of the edge the triangles are that it belongs to. They are all on one: else it would be safe.
+    All triangles that the edge belongs to are on one side of it: else it would be safe.
     """
     if seals.state[k] == UNKNOWN:
-        seals.state[k] = CLOSED if _find_closed(q, triangles, seals, k, a, b, mine, point) else OPEN
+        seals.state[k] = CLOSED if _find_closed(q, triangles, seals, k, edge, point) else OPEN
     return bool(seals.state[k] == CLOSED)
 
 
 @kernel()
-def _find_closed(
-    q: np.ndarray, triangles: np.ndarray, seals: Seals, k: int, a: int, b: int, mine: int, point: np.ndarray
-) -> bool:
-    """Find the part of the edge from vertex a to b where gap k is closed: what `_closes` says."""
+def _find_closed(q: np.ndarray, triangles: np.ndarray, seals: Seals, k: int, edge: Edge, point: np.ndarray) -> bool:
+    """Find the part of an edge where gap k is closed: what `_closes` says."""
     t, half, distance = seals.near[k], seals.half, seals.distance[0]
     s0, s1 = float(seals.part[k, 0]), float(seals.part[k, 1])
-    ok0 = closes_at(q, triangles, t, a, b, mine, s0, half, distance, point)
-    ok1 = closes_at(q, triangles, t, a, b, mine, s1, half, distance, point)
+    ok0 = closes_at(q, triangles, t, edge, s0, half, distance, point)
+    ok1 = closes_at(q, triangles, t, edge, s1, half, distance, point)
     if not ok0 and not ok1:
         middle = 0.5 * (s0 + s1)
-        if not closes_at(q, triangles, t, a, b, mine, middle, half, distance, point):
+        if not closes_at(q, triangles, t, edge, middle, half, distance, point):
             return False
         inside0 = inside1 = middle
     else:
@@ -440,13 +376,13 @@ def _find_closed(
     for _ in range(HALVINGS):
         if not ok0:
             middle = 0.5 * (s0 + inside0)
-            if closes_at(q, triangles, t, a, b, mine, middle, half, distance, point):
+            if closes_at(q, triangles, t, edge, middle, half, distance, point):
                 inside0 = middle
             else:
                 s0 = middle
         if not ok1:
             middle = 0.5 * (s1 + inside1)
-            if closes_at(q, triangles, t, a, b, mine, middle, half, distance, point):
+            if closes_at(q, triangles, t, edge, middle, half, distance, point):
                 inside1 = middle
             else:
                 s1 = middle
@@ -460,9 +396,7 @@ def closes_at(
     q: np.ndarray,
     triangles: np.ndarray,
     t: int,
-    a: int,
-    b: int,
-    mine: int,
+    edge: Edge,
     place: float,
     half: np.ndarray,
     distance: float,
@@ -472,23 +406,22 @@ def closes_at(
 
     Args:
         q: (n, 3) float64 cell coordinates; half: (3,) float64 the cell's half extents in grid units.
-        triangles: (m, 3) int32; t: the triangle; a, b: the edge's vertices.
-        mine: +1 or -1, the edge's own side: that of orient3d(p, a, b, c) for p in the cell and c a point on it.
-        place: the point y of the edge, 0 at a, 1 at b.
+        triangles: (m, 3) int32; t: the triangle.
+        place: the point y of the edge, 0 at its low vertex, 1 at the other.
         distance: in grid units.
         point: (3,) float64, receives the point c(y) of the triangle, of those not farther from y than `distance` the
             one that is farthest on the other side as seen from the cell's middle, relative to it, in grid units.
     """
-    ax, ay, az = q[a, 0] * half[0], q[a, 1] * half[1], q[a, 2] * half[2]
-    bx, by, bz = q[b, 0] * half[0], q[b, 1] * half[1], q[b, 2] * half[2]
+    ax, ay, az = _corner(q, edge.low, half)
+    bx, by, bz = _corner(q, edge.high, half)
+    mine = edge.side
     # across the plane through the cell's middle and the edge, towards the other side
     nx, ny, nz = mine * (ay * bz - az * by), mine * (az * bx - ax * bz), mine * (ax * by - ay * bx)
     n = np.sqrt(nx * nx + ny * ny + nz * nz)
     if not n > 0.0:
         return False
-    nx, ny, nz = nx / n, ny / n, nz / n
-    yx, yy, yz = ax + place * (bx - ax), ay + place * (by - ay), az + place * (bz - az)
-    if not _reach(q, triangles, t, half, yx, yy, yz, nx, ny, nz, distance, point):
+    y = (ax + place * (bx - ax), ay + place * (by - ay), az + place * (bz - az))
+    if not _reach(q, triangles, t, half, y, (nx / n, ny / n, nz / n), distance, point):
         return False
     ux, uy, uz = bx - ax, by - ay, bz - az
     cx, cy, cz = point[0] - ax, point[1] - ay, point[2] - az
@@ -504,12 +437,8 @@ def _reach(
     triangles: np.ndarray,
     t: int,
     half: np.ndarray,
-    yx: float,
-    yy: float,
-    yz: float,
-    nx: float,
-    ny: float,
-    nz: float,
+    y: tuple[float, float, float],
+    n: tuple[float, float, float],
     distance: float,
     point: np.ndarray,
 ) -> bool:
@@ -518,6 +447,8 @@ def _reach(
     In the triangle's plane the ball is a disc. The point is the disc's own farthest one where that lies in the
     triangle, else a corner inside the disc or a place where the disc's rim crosses an edge.
     """
+    yx, yy, yz = y
+    nx, ny, nz = n
     ox, oy, oz = _corner(q, triangles[t, 0], half)
     ex, ey, ez = _corner(q, triangles[t, 1], half)
     fx, fy, fz = _corner(q, triangles[t, 2], half)

@@ -22,9 +22,11 @@ where y_z >= D no a > 0 is possible, so the edge is cut at depth D.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from jobs.visibility.images.ranges import below
+from jobs.visibility.surfaces.ranges import below
 from storage.base.kernels import kernel
 
 #: Edges nearer than this depth (cell coordinates) are inflated by the whole cell, as one box.
@@ -37,6 +39,38 @@ SLACK = 1e-6
 PLANE = 5e-7
 #: Stands for "beyond the image" in pixels.
 BEYOND = 1e12
+
+
+class Face(NamedTuple):
+    """A face of the cube, and the image on it."""
+
+    number: int  # 0 to 5, see above
+    resolution: int  # pixels along the edge of the image
+    farthest: float  # nothing is deeper, in cell coordinates
+
+
+class Pixels(NamedTuple):
+    """A rectangle of whole pixels, all four bounds included; there are none where a first is above its last."""
+
+    i0: int
+    i1: int
+    j0: int
+    j1: int
+
+
+class Window(NamedTuple):
+    """A rectangle of an image, in pixel coordinates."""
+
+    u0: float
+    u1: float
+    v0: float
+    v1: float
+
+
+@kernel(inline="always")
+def window_of(pixels: Pixels) -> Window:
+    """The window of whole pixels."""
+    return Window(float(pixels.i0), pixels.i1 + 1.0, float(pixels.j0), pixels.j1 + 1.0)
 
 
 @kernel(inline="always")
@@ -311,21 +345,22 @@ def _strip_range(rows: np.ndarray, a: int, b: int, v0: float, v1: float) -> tupl
 
 
 @kernel()
-def sweep_range(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> tuple[float, float]:
-    """The range of t in [0, 1] in which the rectangle swept from rows[a] to rows[b] meets [u0, u1] x [v0, v1].
+def sweep_range(rows: np.ndarray, a: int, b: int, window: Window) -> tuple[float, float]:
+    """The range of t in [0, 1] in which the rectangle swept from rows[a] to rows[b] meets a window.
 
     rows: (n, 4 or more) float64, a rectangle (u0, u1, v0, v1) each. The union of the rectangles over t is the convex
     hull of the two: a point of the hull is (1 - t) p + t q with p in the one, q in the other, and lies in the rectangle
     at t. Empty where the first result is above the second.
     """
-    t0, t1 = _strip_range(rows, a, b, v0, v1)
-    t0, t1 = below(t0, t1, rows[a, 0] - u1, rows[b, 0] - u1, 0.0)
-    return below(t0, t1, u0 - rows[a, 1], u0 - rows[b, 1], 0.0)
+    t0, t1 = _strip_range(rows, a, b, window.v0, window.v1)
+    t0, t1 = below(t0, t1, rows[a, 0] - window.u1, rows[b, 0] - window.u1, 0.0)
+    return below(t0, t1, window.u0 - rows[a, 1], window.u0 - rows[b, 1], 0.0)
 
 
 @kernel()
-def hull_touches(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: float, v1: float) -> bool:
-    """Whether the convex hull of the rectangles rows[a] and rows[b] touches [u0, u1] x [v0, v1]; see `sweep_range`."""
+def hull_touches(rows: np.ndarray, a: int, b: int, window: Window) -> bool:
+    """Whether the convex hull of the rectangles rows[a] and rows[b] touches a window; see `sweep_range`."""
+    u0, u1, v0, v1 = window
     if (
         min(rows[a, 0], rows[b, 0]) > u1 or max(rows[a, 1], rows[b, 1]) < u0
         or min(rows[a, 2], rows[b, 2]) > v1 or max(rows[a, 3], rows[b, 3]) < v0
@@ -335,7 +370,7 @@ def hull_touches(rows: np.ndarray, a: int, b: int, u0: float, u1: float, v0: flo
         return True
     if rows[b, 0] <= u1 and rows[b, 1] >= u0 and rows[b, 2] <= v1 and rows[b, 3] >= v0:
         return True
-    t0, t1 = sweep_range(rows, a, b, u0, u1, v0, v1)
+    t0, t1 = sweep_range(rows, a, b, window)
     return t0 <= t1
 
 

@@ -23,9 +23,11 @@ r ROUNDING that counts bounds nothing; the box still does.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from jobs.visibility.images.cube_faces import CLIP, SLACK, clip_triangle, inverse_depth_plane, to_face
+from jobs.visibility.images.cube_faces import CLIP, SLACK, Face, Pixels, clip_triangle, inverse_depth_plane, to_face
 from storage.base.kernels import kernel
 
 #: Pixels that are worked out at once.
@@ -36,43 +38,51 @@ ROUNDING = 2.0**-20
 EVERYWHERE = (np.float32(0.0), np.float32(0.0), np.float32(1.0))
 
 
+class Depths(NamedTuple):
+    """The plane of a triangle: one over the depth at a pixel (u, v) is u wu + v wv + w, and `least` or more."""
+
+    wu: float
+    wv: float
+    w: float
+    least: np.float32
+
+
 @kernel()
 def draw_triangles(
     q: np.ndarray,
     triangles: np.ndarray,
     chosen: np.ndarray,
-    face: int,
-    window: tuple[int, int, int, int],
+    face: Face,
+    pixels: Pixels,
     polygon: np.ndarray,
     covers: bool,
-    farthest: float,
     inverse: np.ndarray,
     limit: np.ndarray,
 ) -> None:
-    """Lower `inverse` to one over the largest depth, in each pixel of a window, of each triangle that touches it.
+    """Lower `inverse` to one over the largest depth, in each of some pixels, of each triangle that touches it.
 
     Args:
         q: (n, 3) float64 cell coordinates; triangles: (m, 3) int32; chosen: (k,) int32, those that are drawn.
-        window: (i0, i1, j0, j1) pixels, both ends included; to its right up to LANES pixels may be changed too.
+        pixels: to their right up to LANES pixels may be changed too.
         polygon: (4, 2) float64 scratch.
-        covers: also change limits of 0 to `farthest` where a triangle covers the pixel.
+        covers: also change limits of 0 to `face.farthest` where a triangle covers the pixel.
         inverse, limit: (r, r + LANES) float32.
     """
     for i in range(chosen.shape[0]):
-        _draw(q, triangles, chosen[i], face, window, polygon, covers, np.float32(farthest), inverse, limit)
+        _draw(q, triangles, chosen[i], face, pixels, polygon, covers, inverse, limit)
 
 
 @kernel(inline="always")
 def _draw(
-    q: np.ndarray, triangles: np.ndarray, t: int, face: int, window: tuple[int, int, int, int], polygon: np.ndarray,
-    covers: bool, farthest: np.float32, inverse: np.ndarray, limit: np.ndarray,
+    q: np.ndarray, triangles: np.ndarray, t: int, face: Face, pixels: Pixels, polygon: np.ndarray, covers: bool,
+    inverse: np.ndarray, limit: np.ndarray,
 ) -> None:  # fmt: skip
     """Draw triangle t."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    resolution = inverse.shape[0]
-    ua, va, za = to_face(q, a, face)
-    ub, vb, zb = to_face(q, b, face)
-    uc, vc, zc = to_face(q, c, face)
+    resolution = face.resolution
+    ua, va, za = to_face(q, a, face.number)
+    ub, vb, zb = to_face(q, b, face.number)
+    uc, vc, zc = to_face(q, c, face.number)
     corners = 3
     far = max(za, zb, zc)
     if min(za, zb, zc) >= CLIP:
@@ -81,28 +91,31 @@ def _draw(
         ua, va, ub, vb, uc, vc = ua * ra, va * ra, ub * rb, vb * rb, uc * rc, vc * rc
         ua, va, ub, vb, uc, vc = ua + half, va + half, ub + half, vb + half, uc + half, vc + half
     else:
-        corners, _, far = clip_triangle(q, a, b, c, face, resolution, polygon)
+        corners, _, far = clip_triangle(q, a, b, c, face.number, resolution, polygon)
         if corners == 0:
             return
         ua, va, ub, vb, uc, vc = (
             polygon[0, 0], polygon[0, 1], polygon[1, 0], polygon[1, 1], polygon[2, 0], polygon[2, 1]
         )  # fmt: skip
-    _, wu, wv, w = inverse_depth_plane(q, a, b, c, face, resolution)
-    least = np.float32(1.0 / far * (1.0 - 1e-6))
+    _, wu, wv, w = inverse_depth_plane(q, a, b, c, face.number, resolution)
+    depths = Depths(wu, wv, w, np.float32(1.0 / far * (1.0 - 1e-6)))
+    farthest = np.float32(face.farthest)
     for k in range(2, corners):
         if k == 3:
             ub, vb, uc, vc = uc, vc, polygon[3, 0], polygon[3, 1]
-        _fill(ua, va, ub, vb, uc, vc, window, wu, wv, w, least, covers, farthest, inverse, limit)
+        _fill((ua, va), (ub, vb), (uc, vc), depths, pixels, covers, farthest, inverse, limit)
 
 
 @kernel(inline="always")
 def _fill(
-    ua: float, va: float, ub: float, vb: float, uc: float, vc: float, window: tuple[int, int, int, int],
-    wu: float, wv: float, w: float, least: np.float32, covers: bool, farthest: np.float32,
-    inverse: np.ndarray, limit: np.ndarray,
+    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], depths: Depths, pixels: Pixels,
+    covers: bool, farthest: np.float32, inverse: np.ndarray, limit: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw a triangle of the image, corners in pixels; wu u + wv v + w is one over its depth, and never below least."""
-    i0, i1, j0, j1 = window
+    """Draw a triangle of the image, corners in pixel coordinates."""
+    ua, va = a
+    ub, vb = b
+    uc, vc = c
+    i0, i1, j0, j1 = pixels
     u0, u1 = min(ua, ub, uc), max(ua, ub, uc)
     v0, v1 = min(va, vb, vc), max(va, vb, vc)
     if u0 - SLACK > i1 + 1 or v0 - SLACK > j1 + 1 or u1 + SLACK < i0 or v1 + SLACK < j0:
@@ -117,6 +130,7 @@ def _fill(
     a0, b0, c0 = _edge(ua, va, ub, vb, u, v, turn, shortest)
     a1, b1, c1 = _edge(ub, vb, uc, vc, u, v, turn, shortest)
     a2, b2, c2 = _edge(uc, vc, ua, va, u, v, turn, shortest)
+    wu, wv, w, least = depths
     here = wu * u + wv * v + w
     reach = abs(here) + abs(wu) * (last - first + 1) + abs(wv) * (row1 - row0 + 1)
     wx, wy, wc = np.float32(wu), np.float32(wv), np.float32(here - 0.5 * (abs(wu) + abs(wv)) - 2.0**-21 * reach)
@@ -130,16 +144,16 @@ def _fill(
         for j in range(row0, row1 + 1):
             y = np.float32(j - row0)
             e0, e1, e2, ew = d0 + b0 * y, d1 + b1 * y, d2 + b2 * y, dw + wy * y
-            depths = inverse[j, start : start + LANES]
+            row = inverse[j, start : start + LANES]
             for k in range(LANES):
                 at = np.float32(k)
                 f0, f1, f2, z = a0 * at + e0, a1 * at + e1, a2 * at + e2, wx * at + ew
                 f0 = f0 if f0 < f1 else f1
                 f0 = f0 if f0 < f2 else f2
-                before = depths[k]
+                before = row[k]
                 z = z if z > least else least
                 z = z if z < before else before
-                depths[k] = z if (f0 >= touching) & (at <= width) else before
+                row[k] = z if (f0 >= touching) & (at <= width) else before
             if covers and low <= y <= high:
                 limits = limit[j, start : start + LANES]
                 for k in range(LANES):

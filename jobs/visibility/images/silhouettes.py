@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.visibility.images.cube_faces import SLACK, at_depth, far_part, inflate_edge, sweep_extent
-from jobs.visibility.images.ranges import below
+from jobs.visibility.images.cube_faces import SLACK, Face, Pixels, at_depth, far_part, inflate_edge, sweep_extent
+from jobs.visibility.surfaces.ranges import below
 from storage.base.kernels import kernel
 
 #: What a pixel hides is of no use where its limit is not at least this many times its depth.
@@ -34,22 +34,17 @@ DOWN = 1.0 - 1e-9
 def lower_limits(
     q: np.ndarray,
     unsafe: np.ndarray,
-    n_unsafe: int,
-    face: int,
-    resolution: int,
-    farthest: float,
-    window: tuple[int, int, int, int],
+    face: Face,
+    pixels: Pixels,
     sweep: np.ndarray,
     rows: np.ndarray,
     inverse: np.ndarray,
     limit: np.ndarray,
 ) -> bool:
-    """Lower `limit` in the window to the depth from which on an unsafe edge spoils the pixel; 0 where that is useless.
+    """Lower `limit` in some pixels to the depth from which on an unsafe edge spoils each; 0 where that is useless.
 
     Args:
-        q: (n, 3) float64 cell coordinates; unsafe: (n_unsafe or more, 2) int32 vertices of edges.
-        farthest: nothing is deeper.
-        window: (i0, i1, j0, j1) pixels, both ends included.
+        q: (n, 3) float64 cell coordinates; unsafe: (u, 2) int32 vertices of edges.
         sweep: (4, 4) float64, rows: (r, 2) int32 scratch.
         inverse: (r, r or more) float32 one over the depth of the set in each pixel.
         limit: (r, r or more) float32: where it is 0 pixels are of no interest.
@@ -57,22 +52,21 @@ def lower_limits(
     Returns:
         False where nothing is left.
     """
-    i0, i1, j0, j1 = window
-    alive = find_rows(limit, i0, i1, j0, j1, rows)
-    for k in range(n_unsafe):
+    alive = find_rows(limit, pixels, rows)
+    for k in range(unsafe.shape[0]):
         if alive == 0:
             return False
-        alive -= _lower(q, unsafe[k, 0], unsafe[k, 1], face, resolution, farthest, j0, j1, sweep, rows, inverse, limit)
+        alive -= _lower(q, unsafe[k, 0], unsafe[k, 1], face, pixels.j0, pixels.j1, sweep, rows, inverse, limit)
     return alive > 0
 
 
 @kernel()
-def find_rows(limit: np.ndarray, i0: int, i1: int, j0: int, j1: int, rows: np.ndarray) -> int:
+def find_rows(limit: np.ndarray, pixels: Pixels, rows: np.ndarray) -> int:
     """Fill `rows` with the first and the last pixel of each row whose limit is above 0; returns how many are."""
     count = 0
-    for j in range(j0, j1 + 1):
-        first, last = i1 + 1, i0 - 1
-        for i in range(i0, i1 + 1):
+    for j in range(pixels.j0, pixels.j1 + 1):
+        first, last = pixels.i1 + 1, pixels.i0 - 1
+        for i in range(pixels.i0, pixels.i1 + 1):
             if limit[j, i] > 0.0:
                 first = min(first, i)
                 last = i
@@ -86,9 +80,7 @@ def _lower(
     q: np.ndarray,
     a: int,
     b: int,
-    face: int,
-    resolution: int,
-    farthest: float,
+    face: Face,
     j0: int,
     j1: int,
     sweep: np.ndarray,
@@ -97,11 +89,12 @@ def _lower(
     limit: np.ndarray,
 ) -> int:
     """Lower the limits of the pixels in `rows` for one edge; returns how many pixels became useless."""
-    n = inflate_edge(q, a, b, face, resolution, farthest, sweep)
+    resolution, farthest = face.resolution, face.farthest
+    n = inflate_edge(q, a, b, face.number, resolution, farthest, sweep)
     useless = 0
     if n == 0:
         return 0
-    far, ua, va, za, ub, vb, zb = far_part(q, a, b, face)
+    far, ua, va, za, ub, vb, zb = far_part(q, a, b, face.number)
     half = 0.5 * resolution
     nearest = za
     if zb > farthest:  # as the sweep

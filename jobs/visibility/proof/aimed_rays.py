@@ -15,6 +15,8 @@ Effectiveness of Quasirandom Sequences, 2018), the same for all drawables.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jobs.visibility.surfaces.planes import plane_of
@@ -41,6 +43,21 @@ SEEN, TURNED = -1, -2
 STEPS = tuple(1.1127756842787055**-k for k in range(1, 7))
 
 
+class Ray(NamedTuple):
+    """A ray, and what it is followed in."""
+
+    o: np.ndarray  # (3,) float64 where it starts, grid units
+    d: np.ndarray  # (3,) float64 where it leads from there
+    over: np.ndarray  # (3,) float64 scratch
+    stack: np.ndarray  # (STACK,) int32 scratch
+
+
+@allocating_kernel(inline="always")
+def make_ray() -> Ray:
+    """A ray to be filled in."""
+    return Ray(np.empty(3), np.empty(3), np.empty(3), np.empty(STACK, np.int32))
+
+
 @kernel(inline="always")
 def spread(number: int, dimension: int) -> float:
     """A coordinate from 0 to 1 of a point of the recurrence."""
@@ -49,22 +66,19 @@ def spread(number: int, dimension: int) -> float:
 
 
 @kernel()
-def look(
-    scene: Scene, t: int, drawable: int, wa: float, wb: float, o: np.ndarray, d: np.ndarray,
-    over: np.ndarray, stack: np.ndarray, last: int,
-) -> int:  # fmt: skip
-    """Whether a point of a triangle is surely seen from o.
+def look(scene: Scene, t: int, drawable: int, wa: float, wb: float, ray: Ray, last: int) -> int:
+    """Whether a point of a triangle is surely seen from where a ray starts.
 
     Args:
         scene: of what may stand in the way.
         t: a triangle of `drawable`; wa, wb: the weights of its first corners, the third has the rest.
-        o: (3,) float64 grid units; d, over: (3,) float64 and stack: (STACK,) int32 are written to.
+        ray: receives where it leads.
         last: a triangle that stands in the way perhaps, tried first; negative: none.
 
     Returns:
         SEEN, TURNED, or a triangle that may be in the way.
     """
-    reach = 0.0
+    o, d, reach = ray.o, ray.d, 0.0
     for k in range(3):
         a = scene.vertices[scene.triangles[t, 0], k] - o[k]
         b = scene.vertices[scene.triangles[t, 1], k] - o[k]
@@ -78,7 +92,7 @@ def look(
         backs_pass = scene.one_sided[scene.triangle_drawable[last]]
         if may_block(scene.vertices, scene.triangles, last, backs_pass, o, d, reach):
             return last
-    return find_blocker(scene, drawable, o, d, reach, over, stack)
+    return find_blocker(scene, drawable, o, d, reach, ray.over, ray.stack)
 
 
 @kernel()
@@ -107,8 +121,7 @@ def confirm(
             the pixel, (face * resolution + j) * resolution + i.
         proven: (drawables,) bool, set to True where a drawable is proven visible.
     """
-    d, over, towards = np.empty(3), np.empty(3), np.empty(3)
-    stack = np.empty(STACK, np.int32)
+    ray, towards = make_ray(), np.empty(3)
     for drawable in chosen:
         for e in range(len(eyes)):
             t = triangle[e, drawable]
@@ -121,8 +134,9 @@ def confirm(
             towards[axis] = -half[axis] if face & 1 else half[axis]
             towards[(axis + 1) % 3] = ((2 * i + 1) / resolution - 1.0) * half[(axis + 1) % 3]
             towards[(axis + 2) % 3] = ((2 * j + 1) / resolution - 1.0) * half[(axis + 2) % 3]
-            wa, wb = where_met(scene, t, eyes[e], towards)
-            if look(scene, t, drawable, wa, wb, eyes[e], d, over, stack, -1) == SEEN:
+            ray.o[:] = eyes[e]
+            wa, wb = where_met(scene, t, ray.o, towards)
+            if look(scene, t, drawable, wa, wb, ray, -1) == SEEN:
                 proven[drawable] = True
                 break
 
@@ -171,28 +185,15 @@ def aim(
         begin, end: the numbers of the rays at each drawable, end - begin at most: others are other rays.
         proven: (drawables,) bool, set to True where a drawable is proven visible.
     """
-    _aim(
-        scene,
-        chosen,
-        first,
-        lo,
-        hi,
-        begin,
-        end,
-        np.empty(3),
-        np.empty(3),
-        np.empty(3),
-        np.empty(STACK, np.int32),
-        proven,
-    )
+    _aim(scene, chosen, first, lo, hi, begin, end, make_ray(), proven)
 
 
 @kernel()
 def _aim(
     scene: Scene, chosen: np.ndarray, first: np.ndarray, lo: np.ndarray, hi: np.ndarray, begin: int, end: int,
-    o: np.ndarray, d: np.ndarray, over: np.ndarray, stack: np.ndarray, proven: np.ndarray,
+    ray: Ray, proven: np.ndarray,
 ) -> None:  # fmt: skip
-    """See `aim`; o, d, over and stack are scratch, see `look`."""
+    """See `aim`; ray: scratch."""
     for drawable in chosen:
         count = first[drawable + 1] - first[drawable]
         if count == 0:
@@ -204,8 +205,8 @@ def _aim(
             kept = 1.0 - 3.0 * LEAST_WEIGHT
             wa = LEAST_WEIGHT + kept * (1.0 - root)
             wb = LEAST_WEIGHT + kept * root * spread(number, 2)
-            start_of(number, lo, hi, o)
-            found = look(scene, t, drawable, wa, wb, o, d, over, stack, last)
+            start_of(number, lo, hi, ray.o)
+            found = look(scene, t, drawable, wa, wb, ray, last)
             if found == SEEN:
                 proven[drawable] = True
                 break
@@ -227,20 +228,19 @@ def scatter(
         seen: (drawables,) bool, set to True where a ray meets a drawable first.
         proven: (drawables,) bool, set to True where that is proven.
     """
-    o, d, over, towards = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    stack = np.empty(STACK, np.int32)
+    ray, towards = make_ray(), np.empty(3)
     for number in range(rays):
-        start_of(number, lo, hi, o)
+        start_of(number, lo, hi, ray.o)
         for k in range(3):
             towards[k] = 2.0 * spread(number, k) - 1.0
-        t, _ = find_first(scene, o, towards, over, stack)
+        t, _ = find_first(scene, ray.o, towards, ray.over, ray.stack)
         if t < 0:
             continue
         drawable = scene.triangle_drawable[t]
         seen[drawable] = True
         if not proven[drawable]:
-            wa, wb = where_met(scene, t, o, towards)
-            if look(scene, t, drawable, wa, wb, o, d, over, stack, -1) == SEEN:
+            wa, wb = where_met(scene, t, ray.o, towards)
+            if look(scene, t, drawable, wa, wb, ray, -1) == SEEN:
                 proven[drawable] = True
 
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jobs.visibility.images.ranges import not_above
 from jobs.visibility.surfaces.planes import plane_of
+from jobs.visibility.surfaces.ranges import not_above
 from storage.base.kernels import allocating_kernel, kernel
 
 #: Boxes are grown by this many grid units: a million times what rounding moves a point by.

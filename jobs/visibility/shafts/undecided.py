@@ -25,7 +25,7 @@ import numpy as np
 
 from jobs.visibility.flooding.occludees import box_hidden, may_touch, triangle_hidden
 from jobs.visibility.proof.aimed_rays import INSET, LEAST_WEIGHT, facing
-from jobs.visibility.shafts.closing_sets import OPEN_EDGES, Work, side_in, stays_open
+from jobs.visibility.shafts.closing_sets import OPEN_EDGES, Work, make_work, side_in, stays_open
 from jobs.visibility.shafts.shafts import Shaft, make_shaft, span
 from jobs.visibility.surfaces.clusters import Clusters, place_cluster
 from jobs.visibility.surfaces.planes import side_of
@@ -68,14 +68,41 @@ class Turns(NamedTuple):
     waiting: np.ndarray  # (c,) int32 how many; 0: decided, or given up
     looked: np.ndarray  # (c,) int32 shafts that were looked at
     open: np.ndarray  # (c,) float64 the part of the last ones that stayed open
+    order: np.ndarray  # (n,) int32 their triangles that are open, drawable by drawable; `Parts` name places in it
 
 
-def make_parts() -> Parts:
-    """Room for shafts that wait, for any number of cells."""
-    return Parts(
+class Asked(NamedTuple):
+    """Drawables to decide."""
+
+    chosen: np.ndarray  # (c,) int64
+    first_cluster: np.ndarray  # (drawables + 1,) int32 offsets of all drawables into the clusters
+    triangles: np.ndarray  # (drawables,) int64 how many all drawables have, as stored
+
+
+class Effort(NamedTuple):
+    """How hard to try."""
+
+    shafts: int  # in all
+    least_worth: float  # triangles to save for each shaft, or a drawable is given up
+    allowed: int  # go no further once drawables with more triangles than this are sure to stay
+
+
+class Room(NamedTuple):
+    """What shafts are looked at in."""
+
+    work: Work
+    parts: Parts
+    shaft: Shaft  # the one that is looked at
+    small: Shaft  # scratch
+
+
+def make_room(triangles: int) -> Room:
+    """What shafts among so many triangles are looked at in, for any number of cells."""
+    parts = Parts(
         np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty((POOL, 6)), np.empty(POOL, np.int32),
         np.empty(POOL, np.int32), np.empty(POOL, np.bool_), np.empty(POOL, np.int32), np.zeros(1, np.int32),
     )  # fmt: skip
+    return Room(make_work(triangles), parts, make_shaft(), make_shaft())
 
 
 @kernel()
@@ -132,15 +159,13 @@ def _give_up(parts: Parts, turns: Turns, k: int) -> None:
 
 @kernel()
 def _look(
-    scene: Scene, mesh: Mesh, work: Work, shaft: Shaft, count: int, small: Shaft,
-    drawable: int, t: int, weight: float, whole: bool, hint: int,
-) -> tuple[int, int, float]:  # fmt: skip
-    """What becomes of a shaft that is filled in.
+    scene: Scene, mesh: Mesh, room: Room, count: int, drawable: int, t: int, weight: float, whole: bool, hint: int
+) -> tuple[int, int, float]:
+    """What becomes of `room.shaft`, which is filled in.
 
     Args:
         scene: of what is reported: it alone can stand before what is seen.
         count: corners of what is looked at.
-        small: scratch.
         t: the triangle of `drawable` that the segment from shaft.o along shaft.d ends in.
         weight: the least weight that this end has among the corners of the triangle.
         whole: whether V is the whole cell.
@@ -150,6 +175,7 @@ def _look(
         (OPEN, CLOSED or SEEN; the triangle to try first next time; where the shaft is open, from 0 at U to 1 at V, -1
         where nobody knows).
     """
+    work, shaft, small = room.work, room.shaft, room.small
     o, d = shaft.o, shaft.d
     reach = 0.0
     for k in range(3):
@@ -382,16 +408,16 @@ def _find_open(
 
 @kernel()
 def _take_turn(
-    scene: Scene, mesh: Mesh, work: Work, parts: Parts, turns: Turns, k: int, drawable: int, order: np.ndarray,
-    shaft: Shaft, small: Shaft, most: int, hint: int,
-) -> tuple[int, int, int]:  # fmt: skip
+    scene: Scene, mesh: Mesh, room: Room, turns: Turns, k: int, drawable: int, most: int, hint: int
+) -> tuple[int, int, int]:
     """Look at so many of the shafts of a drawable, and halve those that stay open.
 
-    Args: as for `_look` and `_place`; k: the drawable's number among the turns.
+    Args: as for `_look`; k: the drawable's number among the turns.
 
     Returns:
         (what becomes of the drawable: OPEN, CLOSED or SEEN; the shafts that were looked at; the next hint).
     """
+    parts, shaft, order = room.parts, room.shaft, turns.order
     for number in range(1, most + 1):
         at = _take_first(parts, turns, k)
         t = order[(parts.first[at] + parts.last[at]) // 2]
@@ -403,9 +429,7 @@ def _take_turn(
             and side_of(scene.vertices, scene.triangles, t, shaft.centre, shaft.half) < 0
         )
         if not turned:
-            found, hint, where = _look(
-                scene, mesh, work, shaft, count, small, drawable, t, weight, parts.whole[at], hint
-            )
+            found, hint, where = _look(scene, mesh, room, count, drawable, t, weight, parts.whole[at], hint)
         turns.looked[k] += 1
         turns.open[k] += FOLLOWS * ((1.0 if found == OPEN else 0.0) - turns.open[k])
         other = _take(parts) if found == OPEN else -1
@@ -424,73 +448,76 @@ def _take_turn(
 
 @allocating_kernel()
 def decide(
-    scene: Scene, mesh: Mesh, work: Work, parts: Parts, chosen: np.ndarray,
-    first_cluster: np.ndarray, clusters: Clusters, lo: np.ndarray, hi: np.ndarray, layers: np.ndarray, most: int,
-    least_worth: float, triangle_counts: np.ndarray, allowed: int, hidden: np.ndarray, proven: np.ndarray,
+    scene: Scene, mesh: Mesh, clusters: Clusters, layers: np.ndarray, room: Room, asked: Asked, lo: np.ndarray,
+    hi: np.ndarray, effort: Effort, hidden: np.ndarray, proven: np.ndarray,
 ) -> int:  # fmt: skip
     """Decide of drawables that images leave undecided whether they are hidden or seen.
 
     Args:
         scene: of what is reported: it alone can stand before what is seen.
-        work: see `closing_sets.make_work`; parts: see `make_parts`.
-        chosen: (c,) int64 drawables to decide.
-        first_cluster: (drawables + 1,) int32 offsets into the clusters.
-        lo, hi: (3,) float64 the cell, grid units.
         layers: see `occludees`: parts that these hide are not looked at again.
-        most: shafts in all; least_worth: triangles to save for each shaft, or a drawable is given up.
-        triangle_counts: (drawables,) int64; allowed: go no further once drawables with more triangles than this are
-            sure to stay.
+        room: see `make_room`.
+        lo, hi: (3,) float64 the cell, grid units.
         hidden, proven: (drawables,) bool, set to True where a drawable is surely hidden, or seen.
 
     Returns:
         The shafts that were looked at.
     """
-    shaft, small = make_shaft(), make_shaft()
-    polygon, box = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
+    chosen, least_worth = asked.chosen, effort.least_worth
     n = len(chosen)
-    turns = Turns(
-        np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n)
-    )
     counts = np.zeros(n, np.int64)
     for k in range(n):
-        counts[k] = clusters.start[first_cluster[chosen[k] + 1]] - clusters.start[first_cluster[chosen[k]]]
-    order = np.empty(counts.sum(), np.int32)
-    _free_all(parts)
-    begin = 0
-    for k in range(n):
-        end = _find_open(
-            mesh, first_cluster[chosen[k]], first_cluster[chosen[k] + 1], clusters, layers, polygon, box, order, begin
-        )
-        if end == begin:
-            hidden[chosen[k]] = True
-        at = _take(parts) if end > begin else -1
-        if at < 0:
-            continue
-        for i in range(3):
-            parts.v[at, i], parts.v[at, 3 + i] = lo[i], hi[i]
-        parts.first[at], parts.last[at], parts.whole[at] = begin, end, True
-        _box(scene, order, parts, at)
-        _append(parts, turns, k, at)
-        begin = end
+        first, last = asked.first_cluster[chosen[k]], asked.first_cluster[chosen[k] + 1]
+        counts[k] = clusters.start[last] - clusters.start[first]
+    turns = Turns(
+        np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n),
+        np.empty(counts.sum(), np.int32),
+    )  # fmt: skip
+    _begin(scene, mesh, clusters, layers, room.parts, turns, asked, lo, hi, hidden)
     shafts, hint, staying = 0, -1, 0
     for k in range(n):
         if not hidden[chosen[k]] and not _hopeful(turns, k, counts[k], least_worth):
-            staying += triangle_counts[chosen[k]]
-    while shafts < most and staying <= allowed:
+            staying += asked.triangles[chosen[k]]
+    while shafts < effort.shafts and staying <= effort.allowed:
         k, best = -1, least_worth
         for other in range(n):
             if turns.waiting[other] > 0 and _worth(turns, other, counts[other]) > best:
                 k, best = other, _worth(turns, other, counts[other])
         if k < 0:
             break
-        found, looked, hint = _take_turn(
-            scene, mesh, work, parts, turns, k, chosen[k], order, shaft, small, min(TURN, most - shafts), hint
-        )
+        most = min(TURN, effort.shafts - shafts)
+        found, looked, hint = _take_turn(scene, mesh, room, turns, k, chosen[k], most, hint)
         shafts += looked
         if found == CLOSED:
             hidden[chosen[k]] = True
         elif not _hopeful(turns, k, counts[k], least_worth):
-            staying += triangle_counts[chosen[k]]
+            staying += asked.triangles[chosen[k]]
         if found == SEEN:
             proven[chosen[k]] = True
     return shafts
+
+
+@allocating_kernel(inline="always")
+def _begin(
+    scene: Scene, mesh: Mesh, clusters: Clusters, layers: np.ndarray, parts: Parts, turns: Turns, asked: Asked,
+    lo: np.ndarray, hi: np.ndarray, hidden: np.ndarray,
+) -> None:  # fmt: skip
+    """Let one shaft of each drawable wait, from the whole cell to all that is open of it. Args: see `decide`."""
+    polygon, box = np.empty((4, 2), np.float64), np.empty((2, 3), np.float64)
+    _free_all(parts)
+    begin = 0
+    for k in range(len(asked.chosen)):
+        drawable = asked.chosen[k]
+        first, last = asked.first_cluster[drawable], asked.first_cluster[drawable + 1]
+        end = _find_open(mesh, first, last, clusters, layers, polygon, box, turns.order, begin)
+        if end == begin:
+            hidden[drawable] = True
+        at = _take(parts) if end > begin else -1
+        if at < 0:
+            continue
+        for i in range(3):
+            parts.v[at, i], parts.v[at, 3 + i] = lo[i], hi[i]
+        parts.first[at], parts.last[at], parts.whole[at] = begin, end, True
+        _box(scene, turns.order, parts, at)
+        _append(parts, turns, k, at)
+        begin = end

@@ -11,9 +11,11 @@ edges and triangles that are smaller than the distance themselves: what they hid
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from jobs.visibility.images.ranges import not_below
+from jobs.visibility.surfaces.ranges import not_below
 from jobs.visibility.surfaces.ray_tree import STACK, build_tree
 from storage.base.kernels import allocating_kernel, kernel
 
@@ -26,6 +28,22 @@ SHORTER = 1.0 - 1e-6
 BEYOND_CORNER = 4.0
 #: A plane through an edge's triangles is one if it leaves no more than this part of their volume.
 FLAT = 1e-12
+
+
+class Near(NamedTuple):
+    """What is near one edge."""
+
+    triangle: np.ndarray  # (MOST,) int32
+    part: np.ndarray  # (MOST, 2) float32, see `find_gaps`
+
+
+class ClusterTree(NamedTuple):
+    """A tree of boxes over clusters of triangles, see `ray_tree.build_tree`."""
+
+    box: np.ndarray  # (nodes, 2, 3) float64
+    right: np.ndarray  # (nodes,) int32
+    cluster: np.ndarray  # (nodes,) int32
+    start: np.ndarray  # (k + 1,) int32 offsets of the clusters into the triangles
 
 
 @allocating_kernel()
@@ -55,6 +73,7 @@ def find_gaps(
     """
     edges = edge_vertices.shape[0]
     box, right, cluster, _ = build_tree(cluster_lo, cluster_hi)
+    tree = ClusterTree(box, right, cluster, cluster_start)
     start = np.zeros(edges + 1, np.int64)
     room = 1024
     near = np.empty(room, np.int32)
@@ -72,10 +91,10 @@ def find_gaps(
             longer, longer_part = np.empty(room, np.int32), np.empty((room, 2), np.float32)
             longer[:count], longer_part[:count] = near[:count], part[:count]
             near, part = longer, longer_part
+        beside = Near(near[count : count + MOST], part[count : count + MOST])
         count += _find_near(
-            vertices, triangles, edge_vertices[e, 0], edge_vertices[e, 1], box, right, cluster, cluster_start, distance,
-            stack, near[count : count + MOST], part[count : count + MOST],
-        )  # fmt: skip
+            vertices, triangles, edge_vertices[e, 0], edge_vertices[e, 1], tree, distance, stack, beside
+        )
         start[e + 1] = count
     return start, near[:count].copy(), part[:count].copy()
 
@@ -122,19 +141,13 @@ def _find_near(
     triangles: np.ndarray,
     a: int,
     b: int,
-    box: np.ndarray,
-    right: np.ndarray,
-    cluster: np.ndarray,
-    cluster_start: np.ndarray,
+    tree: ClusterTree,
     distance: float,
     stack: np.ndarray,
-    near: np.ndarray,
-    part: np.ndarray,
+    found: Near,
 ) -> int:
-    """The triangles near the edge from vertex a to vertex b; returns how many.
-
-    box, right, cluster: see `ray_tree.build_tree`; near: (MOST,) int32, part: (MOST, 2) float32, see `find_gaps`.
-    """
+    """The triangles near the edge from vertex a to vertex b; returns how many. stack: (STACK,) int32 scratch."""
+    box, cluster, near, part = tree.box, tree.cluster, found.triangle, found.part
     ux, uy, uz = _minus(vertices, b, a)
     length = np.sqrt(ux * ux + uy * uy + uz * uz)
     count = 0
@@ -151,10 +164,10 @@ def _find_near(
         if apart:
             continue
         if cluster[node] < 0:
-            stack[waiting], stack[waiting + 1] = node + 1, right[node]
+            stack[waiting], stack[waiting + 1] = node + 1, tree.right[node]
             waiting += 2
             continue
-        for t in range(cluster_start[cluster[node]], cluster_start[cluster[node] + 1]):
+        for t in range(tree.start[cluster[node]], tree.start[cluster[node] + 1]):
             v0, v1, v2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
             shared = (v0 in (a, b)) + (v1 in (a, b)) + (v2 in (a, b))
             if shared == 2:

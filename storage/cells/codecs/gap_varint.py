@@ -27,6 +27,7 @@ class GapVarint:
     """Gap coding, LEB128, zstd."""
 
     name = "gap-varint-zstd"
+    block_ids = 1 << 12
 
     def encode(self, lists: Sequence[NDArray[np.uint32]]) -> bytes:
         """Bytes of lists of strictly increasing uint32 ids: counts of lists and numbers (u4 each), then the numbers."""
@@ -59,3 +60,6 @@ class GapVarint:
         before = np.concatenate([np.zeros(1, np.int64), sums])[ends - lengths]
         ids = (sums - np.repeat(before, lengths) - 1).astype(np.uint32)
         return np.split(ids, ends[:-1]) if count else []
+
+
+CODEC = GapVarint()

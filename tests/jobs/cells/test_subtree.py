@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 
 import jobs.cells.subtree
-from jobs.cells.subtree import CellParameters, compute_subtree, triangles_needed
-from jobs.parameters import QUALITY_NAMES, BuildParameters, view_space
+from jobs.cells.cuts import Leaves
+from jobs.cells.needs import triangles_needed
+from jobs.cells.parameters import CellParameters
+from jobs.cells.subtree import compute_subtree
+from jobs.options.visibility import QUALITY_NAMES
+from jobs.parameters import BuildParameters, view_space
 from jobs.pipeline import build
-from jobs.plan import cell_parameters
 from jobs.running.executors import SerialExecutor
-from jobs.stages.cells import cell_parameters as from_payload
 from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store
+from storage.base.typed_json import from_json, to_json
 from storage.cells import octree
-from storage.model.cut import pixel_angle
-from storage.store import Geometry, Store
+from storage.geometry_reader import Geometry
+from storage.store import Store
 from tests.jobs.built_geometry import build_geometry
 
 PARAMETERS = BuildParameters(triangles_per_cell=2000, max_depth=3, quality="draft")
@@ -43,7 +46,7 @@ def built(model, folder, parameters: BuildParameters) -> Store:
 def of_cells(geometry: Geometry, parameters: BuildParameters) -> CellParameters:
     lo, hi = (geometry.nodes[name][0].astype(np.float64) for name in ("lo", "hi"))
     space = view_space(parameters, lo, hi, np.zeros(3))
-    return from_payload(cell_parameters(parameters, space, pixel_angle(1080, 60)))
+    return from_json(CellParameters, to_json(parameters.cells(space)), "parameters")
 
 
 def test_what_splits_save_little_stays_whole(small_plant, default, tmp_path, monkeypatch):
@@ -75,14 +78,15 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
         held[-1].append(int(counts[ids].sum()))
         return gather(store, ids, settings)
 
-    gather = jobs.cells.subtree._gather
-    monkeypatch.setattr("jobs.cells.subtree._gather", noted)
+    gather = jobs.cells.subtree.gather
+    monkeypatch.setattr("jobs.cells.subtree.gather", noted)
+    around = Leaves.of(geometry, parameters)
     pending, foretold = [octree.ROOT], []
     while pending:
         root = pending.pop()
-        foretold.append(triangles_needed(geometry, root, parameters))
+        foretold.append(triangles_needed(geometry, root, parameters, around))
         held.append([])
-        pending.extend(compute_subtree(geometry, root, parameters).open_keys)
+        pending.extend(compute_subtree(geometry, root, parameters, around).open_keys)
     assert len(foretold) > 3
     for need, parts in zip(foretold, held, strict=True):
         coarser = max(parts[1:], default=0)  # one at a time, beside what all cells share

@@ -72,12 +72,12 @@ def test_rays_that_leave_a_solid_meet_the_front_that_touches_it() -> None:
         for two_sided in (False, True):
             box = (squares(2, flipped=True), True)
             behind = (squares(2 + 1e-4, half=3.0), False)
-            oracle, owner, triangles = oracle_of([box, (slab, not two_sided), behind])
+            oracle, owner, _ = oracle_of([box, (slab, not two_sided), behind])
             origins, directions = rays(4000, seed=3)
             found, distance = oracle.cast(origins, directions)
             assert (owner[found] == 1).all()
             np.testing.assert_allclose(origins[:, 0] + distance, 2, atol=1e-5)
-            seen = examine(oracle, owner, triangles, LO, HI, np.arange(3), 2000, np.random.default_rng(1)).seen
+            seen = examine(oracle, LO, HI, np.arange(3), 2000, np.random.default_rng(1)).seen
             assert seen.tolist() == [1]
 
 
@@ -113,15 +113,15 @@ def test_confirm_looks_through_backs_of_one_sided_drawables() -> None:
 
 
 def test_a_drawable_left_out_is_missed_and_no_other_is() -> None:
-    oracle, owner, triangles = oracle_of(
+    oracle, _, _ = oracle_of(
         [(squares(2, flipped=True), True), (squares(3, half=0.2), False), (squares(4), True), (squares(6), True)]
     )
     rng = np.random.default_rng(1)
-    sound = examine(oracle, owner, triangles, LO, HI, np.array([1, 2]), 2000, rng)
+    sound = examine(oracle, LO, HI, np.array([1, 2]), 2000, rng)
     assert sound.missed == []
     assert sound.rays == 2000
     assert sound.seen.tolist() == [1, 2]
-    accused = examine(oracle, owner, triangles, LO, HI, np.array([2]), 2000, np.random.default_rng(1))
+    accused = examine(oracle, LO, HI, np.array([2]), 2000, np.random.default_rng(1))
     assert [sight.drawable for sight in accused.missed] == [1]
     origin = np.array(accused.missed[0].origin)
     assert (origin >= LO).all()
@@ -147,3 +147,21 @@ def test_where_nothing_is_nothing_is_seen() -> None:
     found, distance = oracle.cast(np.zeros((5, 3), np.float32), np.ones((5, 3), np.float32))
     assert (found == -1).all()
     assert np.isinf(distance).all()
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**9))
+def test_knowing_the_cell_changes_no_hit(seed: int) -> None:
+    """Triangles that turn their backs to the cell are left out, and those that turn their fronts to it never are."""
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(-3, 4, (200, 1, 3))
+    triangles = (centres + rng.normal(0, 0.6, (200, 3, 3))).astype(np.float32)
+    owner, one_sided = np.arange(200), rng.random(200) < 0.8
+    origins = surface_points(LO, HI, 300, rng)
+    directions = rng.normal(size=(300, 3)).astype(np.float32)
+    anywhere, here = (Oracle(triangles, owner, one_sided, cell) for cell in (None, (LO, HI)))
+    found, distance = anywhere.cast(origins, directions)
+    again, along = here.cast(origins, directions)
+    np.testing.assert_array_equal(found, again)
+    np.testing.assert_allclose(distance, along, rtol=1e-6)
+    assert (found >= 0).any()

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from jobs.checking.report import MOST_SPELLED, Problems, VerifyReport
 from jobs.checking.verify import verify
-from jobs.running.errors import WorkerLostError
+from storage.base.progress import Silent
+from storage.cells.deltas import Delta, difference
+from storage.geometry_reader import Geometry
 from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
-from storage.store import Geometry
+from storage.shards.shards import shard_path
+from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -55,7 +60,7 @@ def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.M
 
     sound = make_store(tmp_path / "sound", room_parts(), depth=2)
     assert verify(str(tmp_path / "sound"), samples=1000, cells=20).ok
-    monkeypatch.setattr("storage.store.find_turned_away", bold)
+    monkeypatch.setattr("storage.meshes.turned_away.find_turned_away", bold)
     store = make_store(tmp_path / "store", room_parts(), depth=2)
     assert (store.cells["turned_triangles"] >= sound.cells["turned_triangles"]).all()
     report = verify(str(tmp_path / "store"), samples=1000, cells=20)
@@ -65,7 +70,7 @@ def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_wrong_count_of_what_is_turned_away_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_store(tmp_path / "store", room_parts(), depth=1)
-    monkeypatch.setattr("storage.store.find_turned_away", lambda *given: ~find_turned_away(*given))
+    monkeypatch.setattr("storage.meshes.turned_away.find_turned_away", lambda *given: ~find_turned_away(*given))
     report = verify(str(tmp_path / "store"), samples=0, cells=8)
     assert len(report.problems) == 8
     assert "triangles of its vLOD are turned away, the table says" in report.problems[0]
@@ -95,28 +100,150 @@ def test_what_a_sampled_store_misses_is_measured_and_is_no_problem(tmp_path: Pat
     assert (written["stored_rays"], written["stored_missed_rays"]) == (0, 0)
 
 
+def damage(store: Store, purpose: str, number: int) -> str:
+    """Changes a byte in the middle of a shard; returns the shard's path inside the store."""
+    shard = [record for what, record in store.manifest.shards() if what == purpose][number]
+    path = Path(store.files.url) / shard_path(shard.name)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 4
+    path.write_bytes(data)
+    return shard_path(shard.name)
+
+
+def findings(report: VerifyReport) -> dict[str, Any]:
+    """All that a report says but the time that it took."""
+    said = report.to_json()
+    del said["seconds"]
+    for cell in said["per_cell"]:
+        del cell["seconds"]
+    return said
+
+
 def test_the_findings_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     def visible(_geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
         return cut[: len(cut) // 2] if int(cell["key"]) % 3 == 0 else cut
 
-    make_store(tmp_path / "store", room_parts(), depth=1, visible=visible)
+    store = make_store(tmp_path / "store", room_parts(), depth=2, visible=visible)
+    damage(store, "cells", 1)
     alone, shared = (verify(str(tmp_path / "store"), samples=100, cells=8, workers=count) for count in (1, 2))
     assert alone.missed > 0
-    assert alone.problems == shared.problems
-    for one, other in zip(alone.sampled, shared.sampled, strict=True):
-        assert replace(one, seconds=0) == replace(other, seconds=0)
+    assert alone.boundaries > 0
+    assert alone.problems[0].startswith("shards/")
+    assert findings(alone) == findings(shared)
 
 
-def test_a_worker_that_dies_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken:
-        def __init__(self, *_: object) -> None: ...
-
-        def map(self, *_: object, **__: object) -> None:
-            raise BrokenProcessPool
-
-        def shutdown(self, **_: object) -> None: ...
-
+def test_work_that_takes_long_is_shared_out_on_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_store(tmp_path / "store", room_parts(), depth=1)
-    monkeypatch.setattr("jobs.checking.verify.ProcessPoolExecutor", Broken)
-    with pytest.raises(WorkerLostError, match="use fewer --workers"):
-        verify(str(tmp_path / "store"), samples=10, cells=4, workers=2)
+    alone = verify(str(tmp_path / "store"), samples=100, cells=8, workers=1)
+    monkeypatch.setattr("jobs.checking.workers.PATIENCE", 1e-6)
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    began: list[Any] = []
+    monkeypatch.setattr("jobs.checking.workers.get_context", lambda name: began.append(name) or get_context(name))
+    assert findings(verify(str(tmp_path / "store"), samples=100, cells=8)) == findings(alone)
+    assert began == ["spawn", "spawn"]
+
+
+def test_what_lies_in_a_damaged_cell_shard_is_left_out_and_the_rest_is_checked(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=2, cells_per_shard=16)
+    victim = damage(store, "cells", 1)
+    report = verify(str(tmp_path / "store"), samples=50, cells=64)
+    assert report.problems
+    assert all(line.startswith(f"{victim} is damaged") for line in report.problems)
+    assert report.unreadable == 16
+    others = [*range(16), *range(32, 64)]
+    assert [cell.cell for cell in report.sampled] == others
+    assert report.boundaries == sum(
+        cell < other and other in others for cell in others for other in store.neighbours(cell).tolist()
+    )
+
+
+def test_cells_whose_geometry_is_damaged_are_named(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=1)
+    victim = damage(store, "geometry", 0)
+    report = verify(str(tmp_path / "store"), samples=50, cells=8)
+    assert report.problems[0].startswith(f"{victim} is damaged")
+    assert report.boundaries == 12
+    assert report.deltas.count == 0
+    assert any(line.startswith(f"no rays can be cast from cell 0: {victim} is damaged") for line in report.problems)
+
+
+def test_a_store_whose_tables_are_damaged_still_has_its_shards_checked(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=1)
+    victims = [damage(store, purpose, 0) for purpose in ("tables", "cells")]
+    report = verify(str(tmp_path / "store"), samples=50, cells=8)
+    assert report.cells == 8
+    assert report.boundaries == 0
+    assert {line.split(" is damaged")[0] for line in report.problems} == set(victims)
+
+
+def test_a_missing_shard_is_named(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=2)
+    victim = tmp_path / "store" / damage(store, "cells", 3)
+    victim.unlink()
+    report = verify(str(tmp_path / "store"), samples=0, cells=8)
+    assert len(report.problems) == 1
+    assert victim.name in report.problems[0]
+    assert "is missing; copy it again" in report.problems[0]
+
+
+@pytest.mark.parametrize("change", ["drops too much", "drops too little", "adds what is there"])
+def test_a_delta_that_does_not_fit_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+
+    def wrong(before: np.ndarray, after: np.ndarray) -> Delta:
+        delta = difference(before, after)
+        if not len(delta.added) or not len(delta.dropped):
+            return delta
+        if change == "drops too much":
+            return Delta(delta.added, np.unique(np.concatenate([delta.dropped, after[-1:]])))
+        if change == "drops too little":
+            return Delta(delta.added, delta.dropped[1:])
+        return Delta(np.unique(np.concatenate([delta.added, before[-1:]])), delta.dropped)
+
+    def swapping(_geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return np.delete(cut, int(cell["key"]) % 5)
+
+    # a shard a cell: no vLOD follows from a change
+    make_store(tmp_path / "sound", room_parts(), depth=1, visible=swapping, cells_per_shard=1)
+    assert verify(str(tmp_path / "sound"), samples=0).ok
+    monkeypatch.setattr("storage.vlod_writer.difference", wrong)
+    make_store(tmp_path / "store", room_parts(), depth=1, visible=swapping, cells_per_shard=1)
+    report = verify(str(tmp_path / "store"), samples=0)
+    assert report.boundaries == 12
+    assert 0 < report.deltas.count == len(report.problems) <= 12
+    assert "does not turn one vLOD into the other" in report.problems[0]
+
+
+def test_problems_beyond_the_first_of_a_kind_are_counted() -> None:
+    found, others = Problems(), Problems()
+    found.note(f"fault {number}" for number in range(15))
+    others.note(f"other {number}" for number in range(30))
+    found.join(others)
+    assert (len(found.spelled), found.more, found.count) == (MOST_SPELLED, 25, 45)
+    assert found.spelled[14:16] == ["fault 14", "other 0"]
+
+
+def test_progress_hears_of_every_part(tmp_path: Path) -> None:
+    class Heard(Silent):
+        def __init__(self) -> None:
+            self.said: list[str] = []
+            self.last = (0, 0)
+
+        def start(self, step: str) -> None:
+            self.said.append(step)
+
+        def update(self, done: int, total: int) -> None:
+            self.last = (done, total)
+
+        def finish(self, note: str) -> None:
+            self.said[-1] += f": {note}, {self.last[0]} of {self.last[1]}"
+
+    store = make_store(tmp_path / "store", room_parts(), depth=1)
+    size = sum(record.bytes for _, record in store.manifest.shards())
+    heard = Heard()
+    verify(str(tmp_path / "store"), samples=100, cells=3, progress=heard)
+    assert heard.said == [
+        f"checksums: 4 shards, {size / 1e6:.1f} MB, 4 of 4",
+        "deltas: 12 boundaries, 8 of 8",
+        "detail: 3 cells, 3 of 3",
+        "rays: 300 rays, 3 of 3",
+    ]

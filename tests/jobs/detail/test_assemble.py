@@ -8,20 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.detail.assemble import float32_down, float32_up, largest_stretch
-from jobs.importing.model import MeshView, Part, open_model, write_model
-from jobs.parameters import BuildParameters
-from jobs.pipeline import Run, make_levels
-from jobs.running.executors import SerialExecutor
-from jobs.running.memory import MemoryWatch
-from jobs.running.tasks import Task, TaskResult
-from jobs.running.workplace import Workplace
-from jobs.stages import IMPORT
-from jobs.stages.detail import geometry_section_of
-from storage.base.progress import Silent
+from jobs.importing.model import MeshView, Part, write_model
 from storage.meshes.placement import transform_points
 from storage.model.tables import NO_PART
 from storage.model.tree import leaves
-from storage.store import open_geometry
+from tests.jobs.built_geometry import build_levels
 
 entries = st.floats(-100, 100, allow_nan=False).filter(lambda value: value == 0 or abs(value) > 1e-3)
 
@@ -88,16 +79,8 @@ def placed(tmp_path_factory):
     placements = [Part(0, name, matrix) for name, matrix in MATRICES.items()]
     alone = MeshView.of(points * 2 + [0, 0, 20], faces)
     placements.append(Part(1, "alone", np.eye(3, 4)))
-    place = Workplace(folder / "work", folder)
-    write_model(place.result(IMPORT.name, "m") / "model", [ball, alone], placements)
-    model = open_model(place.result(IMPORT.name, "m") / "model")
-    record = {"model": {"digest": model.digest}}
-    imported = TaskResult(Task(IMPORT, {}), record, 0.0, 0.0, 0, reused=True)
-    imported.task.__dict__["key"] = "m"
-    with MemoryWatch() as watch:
-        run = Run(place, SerialExecutor(), Silent(), watch)
-        tables = make_levels(run, imported, BuildParameters())
-    return open_geometry(place.store, geometry_section_of(place, tables.key))
+    write_model(folder / "model", [ball, alone], placements)
+    return build_levels(folder / "model", folder).geometry
 
 
 def leaves_of(placed):

@@ -7,8 +7,12 @@ import fcntl
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -16,8 +20,9 @@ from hypothesis import strategies as st
 
 import jobs.running.tasks
 from jobs.running.errors import CodeMismatchError, WorkInUseError
-from jobs.running.tasks import RECORD, Task, content_key, find_finished, run_task
-from jobs.running.workplace import LOCK, Workplace
+from jobs.running.lock import LOCK
+from jobs.running.tasks import RECORD, Stage, Task, content_key, find_finished, run_task
+from jobs.running.workplace import Workplace
 from tests.cluster.toy_stages import SLOW, SQUARE, square_task
 
 json_values = st.recursive(
@@ -105,10 +110,119 @@ def test_the_second_of_two_writers_takes_the_firsts_result(place):
     first, second = place.new_temporary("stage"), place.new_temporary("stage")
     (first / "a").write_text("first")
     (second / "a").write_text("second")
-    place.publish(first, "stage", "k" * 32)
-    final = place.publish(second, "stage", "k" * 32)
+    for made in (first, second):
+        place.publish(made, "stage", "k" * 32, lambda folder: (folder / "a").exists())
+    final = place.result("stage", "k" * 32)
     assert (final / "a").read_text() == "first"
-    assert not second.exists()
+    assert [path.name for path in final.parent.iterdir()] == [final.name]
+
+
+def test_what_is_no_result_makes_room(place):
+    final = place.result("stage", "k" * 32)
+    final.mkdir(parents=True)
+    (final / "b").write_text("half")
+    made = place.new_temporary("stage")
+    (made / "a").write_text("whole")
+    place.publish(made, "stage", final.name, lambda folder: (folder / "a").exists())
+    assert [path.name for path in final.iterdir()] == ["a"]
+    assert [path.name for path in final.parent.iterdir()] == [final.name]
+
+
+def test_a_result_that_comes_between_the_last_look_and_the_move_goes_back(place):
+    """A writer finds what is no result; before it moves that aside, another has put a whole one in its place."""
+    final = place.result("stage", "k" * 32)
+    final.mkdir(parents=True)
+    (final / "half").touch()
+    made = place.new_temporary("stage")
+    (made / "mine").touch()
+    looks = []
+
+    def usable(folder):
+        looks.append(folder)
+        if len(looks) > 1:
+            return (folder / "others").exists()
+        (final / "half").unlink()
+        (final / "others").touch()
+        return False
+
+    place.publish(made, "stage", final.name, usable)
+    assert [path.name for path in final.iterdir()] == ["others"]
+    assert [path.name for path in final.parent.iterdir()] == [final.name]
+
+
+@pytest.mark.parametrize("unusable", [False, True])
+@pytest.mark.parametrize("workers", [2, 5])
+def test_workers_of_one_key_lose_nothing(place, tmp_path, monkeypatch, unusable, workers):
+    """All begin before any has published; then they publish as they come."""
+    log = tmp_path / "log"
+    task = square_task(3, log=str(log))
+    folder = place.result("square", task.key)
+    if unusable:
+        folder.mkdir(parents=True)
+        (folder / RECORD).write_text('{"record"')
+    together = threading.Barrier(workers)
+    work = task.stage.load()
+
+    def begun(assignment):
+        record = work(assignment)
+        together.wait(timeout=30)
+        return {**record, "worker": threading.get_ident()}  # unlike real work: to tell whose result it is
+
+    monkeypatch.setattr(Stage, "load", lambda _: begun)
+    with ThreadPoolExecutor(workers) as pool:
+        results = list(pool.map(lambda _: run_task(task, place), range(workers)))
+    finished = find_finished(task, place)
+    assert finished is not None
+    assert all(result.record == finished.record for result in results)
+    assert not any(result.reused for result in results)
+    assert len(log.read_text().splitlines()) == workers
+    assert {path.name for path in folder.iterdir()} == {"square.txt", RECORD}
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+
+
+@pytest.mark.parametrize("unusable", [False, True])
+def test_what_another_worker_finished_after_the_look_stays(place, tmp_path, monkeypatch, unusable):
+    task = square_task(3, log=str(tmp_path / "log"))
+    folder = place.result("square", task.key)
+    if unusable:
+        folder.mkdir(parents=True)
+        (folder / RECORD).write_text('{"record"')
+
+    def meanwhile(_task):
+        monkeypatch.undo()
+        run_task(task, place)
+        (folder / "others").touch()
+
+    monkeypatch.setattr(Task, "check_code", meanwhile)  # between the look and all else
+    assert run_task(task, place).record == {"square": 9}
+    assert {path.name for path in folder.iterdir()} == {"square.txt", RECORD, "others"}
+
+
+def test_a_finished_result_is_never_away_while_another_worker_publishes(place, tmp_path):
+    """What was handed to followers stays readable, whatever a second worker of the same key does."""
+    task = square_task(3, log=str(tmp_path / "log"))
+    gone = []
+    done = threading.Event()
+    temporary = []
+    for _ in range(200):
+        made = place.new_temporary("square")
+        (made / RECORD).write_text("{}")
+        temporary.append(made)
+    run_task(task, place)
+    record = place.result("square", task.key) / RECORD
+
+    def watch():
+        while not done.is_set():
+            if not record.exists():
+                gone.append(True)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    for made in temporary:
+        place.publish(made, "square", task.key, lambda folder: (folder / "square.txt").exists())
+    done.set()
+    watcher.join()
+    assert not gone
 
 
 def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_stay(place):
@@ -153,6 +267,41 @@ except WorkInUseError as error:
     with place.locked(), pytest.raises(WorkInUseError, match="--work"), place.locked():
         pass
     assert not (place.work / LOCK).exists()
+    assert not (place.store / LOCK).exists()
+
+
+def test_one_build_at_a_time_in_a_store_whatever_their_work_directories(place, tmp_path):
+    other = Workplace(tmp_path / "other", place.store)
+    with place.locked():
+        with (
+            pytest.raises(WorkInUseError, match=f"{place.store} .*process {os.getpid()} on .*another place"),
+            other.locked(),
+        ):
+            pass
+        assert not (other.work / LOCK).exists()
+        assert (place.store / LOCK).exists()
+    with other.locked():
+        pass
+    assert not (place.store / LOCK).exists()
+    same = Workplace(place.store, place.store)
+    with same.locked(), pytest.raises(WorkInUseError), place.locked():
+        pass
+
+
+def test_what_a_killed_build_left_keeps_nobody_out(place):
+    killed = f"""
+import os, signal
+from pathlib import Path
+from jobs.running.workplace import Workplace
+with Workplace(Path({str(place.work)!r}), Path({str(place.store)!r})).locked():
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", killed], check=False).returncode == -signal.SIGKILL
+    assert (place.store / LOCK).exists()
+    with place.locked():
+        pass
+    assert not (place.store / LOCK).exists()
+    assert not (place.work / LOCK).exists()
 
 
 def test_a_lock_that_was_removed_meanwhile_keeps_nobody_out_and_lets_nobody_in(place, monkeypatch):
@@ -175,6 +324,6 @@ def test_what_a_build_made_goes_with_it_unless_something_was_finished(tmp_path):
         place.new_temporary("stage").rmdir()
     assert not any(tmp_path.iterdir())
     with place.made(), place.locked(), place.cleaned():
-        place.publish(place.new_temporary("stage"), "stage", "k" * 32)
+        place.publish(place.new_temporary("stage"), "stage", "k" * 32, Path.is_dir)
     assert [path.name for path in tmp_path.iterdir()] == ["far"]
     assert [path.name for path in place.work.iterdir()] == ["stage"]

@@ -94,7 +94,7 @@ def misses(attack: Attack, rays: int, seed: int) -> list[Sight]:
     owner = soup.triangle_drawable.astype(np.int64)
     oracle = Oracle(corners, owner, soup.one_sided[owner])
     rng = np.random.default_rng(seed)
-    missed = examine(oracle, owner, corners, attack.lo, attack.hi, found.visible, rays, rng).missed
+    missed = examine(oracle, attack.lo, attack.hi, found.visible, rays, rng).missed
     return missed + _aimed(oracle, owner, corners, attack, found.visible, rng)
 
 

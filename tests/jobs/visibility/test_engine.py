@@ -34,7 +34,7 @@ def accuse(soup: Soup, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, rays
     corners = soup.vertices[soup.triangles].astype(np.float32)
     owner = soup.triangle_drawable.astype(np.int64)
     oracle = Oracle(corners, owner, soup.one_sided[owner])
-    found = examine(oracle, owner, corners, lo, hi, visible, rays, np.random.default_rng(seed))
+    found = examine(oracle, lo, hi, visible, rays, np.random.default_rng(seed))
     return list(found.missed)
 
 

@@ -25,7 +25,7 @@ def test_more_time_reports_less_and_proves_more_and_none_misses_anything() -> No
             hi = lo + 300
             found = engine.visible_from(lo, hi, soup.drawables)
             assert found is not None
-            looked = examine(oracle, owner, corners, lo, hi, found.visible, 10_000, np.random.default_rng(number))
+            looked = examine(oracle, lo, hi, found.visible, 10_000, np.random.default_rng(number))
             assert looked.missed == []
             reported[-1] += int(soup.triangle_counts[found.visible].sum())
             proven[-1] += int(soup.triangle_counts[found.proven].sum())

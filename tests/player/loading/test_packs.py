@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
-from player.loading.packs import Packs, octahedral, prepare
+from player.loading.packs import Packs, prepare
 from player.renderer.arena import Arena
-from player.renderer.facets import FacetTable
+from player.renderer.facet_table import FacetTable
 from player.renderer.instances import records, split
+from storage.meshes.normals import from_octahedral
 from storage.store import Store
 
 
-def _decoded(folded: np.ndarray) -> np.ndarray:
-    e = folded / 32767
-    z = 1 - np.abs(e).sum(axis=1)
-    xy = np.where(z[:, None] < 0, (1 - np.abs(e[:, ::-1])) * np.where(e >= 0, 1, -1), e)
-    n = np.concatenate([xy, z[:, None]], axis=1)
-    return n / np.linalg.norm(n, axis=1)[:, None]
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_normals_survive_folding(seed: int) -> None:
-    normals = np.random.default_rng(seed).normal(size=(50, 3))
-    normals[:6] = np.concatenate([np.eye(3), -np.eye(3)])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    assert np.abs(_decoded(octahedral(normals.astype(np.float32))) - normals).max() < 1e-4
+def test_normals_are_the_stores_own_code(room: Store) -> None:
+    for drawable in np.flatnonzero(room.drawables["instance"] < 0):
+        geometry = room.geometry[room.drawables["geometry"][drawable]]
+        of_pack = room.geometry["pack"] == geometry["pack"]
+        ready = prepare(room.pack(int(geometry["pack"])), room.geometry[of_pack], room.one_sided[of_pack], 1.0)
+        own = slice(geometry["vertex_start"], geometry["vertex_start"] + geometry["vertices"])
+        unfolded = from_octahedral(ready.vertices["normal"][own].astype(np.int32))
+        assert np.array_equal(unfolded, room.mesh(int(drawable)).normals)
 
 
 def test_prepared_vertices_are_the_stores(room: Store) -> None:

@@ -19,7 +19,7 @@ from player.renderer.draw_list import (
     draw_tables,
     merged_runs,
 )
-from player.renderer.facets import CellBox, FacetTable, FacetUsers, PackFacets
+from player.renderer.facet_table import CellBox, FacetTable, FacetUsers, PackFacets
 from player.renderer.surfaces import draw_calls
 from storage.meshes.facets import CONE, part_meshes
 from storage.store import Store
@@ -35,11 +35,10 @@ def _tables(rng: np.random.Generator, drawables: int, meshes: int, packs: int) -
         geometry=geometry,
         record=record,
         side=rng.integers(0, 3, drawables).astype(np.uint8),
-        triangles=indices[geometry] // 3,
         pack=pack,
         first_index=rng.integers(0, 50, meshes) * 3,
         indices=indices,
-        facets=FacetUsers(geometry, np.full(drawables, -1), np.ones(drawables), np.zeros((0, 3, 4)), 1.0),
+        facets=FacetUsers(geometry, np.full(drawables, -1), np.ones(meshes), np.zeros((0, 3, 4)), 1.0),
     )
 
 
@@ -70,7 +69,7 @@ def test_every_drawable_is_drawn_once_with_its_placement_and_tint(seed: int, cou
     )
     assert found == expected
     assert draws.drawables == count
-    assert draws.triangles == tables.triangles[ids].sum()
+    assert 3 * draws.triangles == tables.indices[tables.geometry[ids]].sum()
     singles = sorted(
         (slab, side, triangle, record.tobytes())
         for slab, side, first, indices, instances, base in draw_calls(draws)

@@ -10,9 +10,9 @@ import pytest
 
 from player.camera.view import View, looking
 from player.renderer.context import abilities
-from player.renderer.facets import CellBox
+from player.renderer.facet_table import CellBox
 from player.renderer.target import Target
-from player.scene import Scene, scene_of
+from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from storage.store import Store
 from tests.player.conftest import UP, inside_view, view_from
@@ -23,7 +23,7 @@ _PATHS = [{}, {"force_gl33": True}, {"force_plain_depth": True}]
 
 def draw(
     context: moderngl.Context,
-    scene: Scene,
+    model: ShownModel,
     view: View,
     *,
     settings: Settings | None = None,
@@ -33,7 +33,7 @@ def draw(
     """One picture (height, width, 4)."""
     able = abilities(context, **force)
     target = Target(context, (view.width, view.height), samples=samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(scene, context, able, settings or Settings())
+    walk = Walkthrough(model, context, able, settings or Settings())
     try:
         walk.frame(view, target)
         assert context.error == "GL_NO_ERROR"
@@ -86,12 +86,12 @@ def _edges(owner: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("force", _PATHS, ids=["4.3", "3.3", "plain depth"])
 @pytest.mark.parametrize("outside", [False, True])
 def test_coverage_and_order_are_what_rays_see(
-    context: moderngl.Context, scene: Scene, force: dict[str, bool], outside: bool
+    context: moderngl.Context, model: ShownModel, force: dict[str, bool], outside: bool
 ) -> None:
     size = (64, 36)
     view = view_from((-6, -5, 6), (10, 8, -5), size=size) if outside else inside_view(size)
-    picture = draw(context, scene, view, settings=Settings(strategy="none"), **force)
-    store = scene.store
+    picture = draw(context, model, view, settings=Settings(strategy="none"), **force)
+    store = model.store
     ids = np.flatnonzero(store.drawables["level"] == 0)
     depth, owner = first_hits(store, view, ids)
     sure = ~_edges(owner)
@@ -108,21 +108,23 @@ def test_coverage_and_order_are_what_rays_see(
         assert (picture[table][:, 0].astype(int) > picture[table][:, 2]).all()  # the table is brown
 
 
-def test_all_paths_draw_the_same_picture(context: moderngl.Context, scene: Scene) -> None:
-    pictures = [draw(context, scene, inside_view(), **force) for force in _PATHS]
+def test_all_paths_draw_the_same_picture(context: moderngl.Context, model: ShownModel) -> None:
+    pictures = [draw(context, model, inside_view(), **force) for force in _PATHS]
     for other in pictures[1:]:
         off = np.abs(other.astype(int) - pictures[0]).max(axis=2)
         assert (off > 2).mean() < 0.001
 
 
-def test_leaving_out_facets_that_turn_their_backs_changes_no_pixel(context: moderngl.Context, scene: Scene) -> None:
+def test_leaving_out_facets_that_turn_their_backs_changes_no_pixel(
+    context: moderngl.Context, model: ShownModel
+) -> None:
     """From all over some cells, their corners included, in random directions; with mirrored instances in sight."""
     rng = np.random.default_rng(8)
-    store, size, left_out = scene.store, (96, 54), 0
+    store, size, left_out = model.store, (96, 54), 0
     for force in ({}, {"force_gl33": True}):
         able = abilities(context, **force)
         target = Target(context, size, samples=0, reversed_depth=able.reversed_depth)
-        walk = Walkthrough(scene, context, able, Settings())
+        walk = Walkthrough(model, context, able, Settings())
         for number in rng.choice(len(store.cells), 12, replace=False).tolist():
             cell, ids = store.cells[number], store.vlod(number)
             walk.packs.need(np.arange(len(store.packs)), wait=True)
@@ -142,25 +144,25 @@ def test_leaving_out_facets_that_turn_their_backs_changes_no_pixel(context: mode
     assert left_out > 0
 
 
-def test_background_is_exactly_transparent_with_and_without_sky(context: moderngl.Context, scene: Scene) -> None:
+def test_background_is_exactly_transparent_with_and_without_sky(context: moderngl.Context, model: ShownModel) -> None:
     away = view_from((4, 3, 10), (0.1, 0, 1))
     for sky in (True, False):
-        picture = draw(context, scene, away, settings=Settings(sky=sky))
+        picture = draw(context, model, away, settings=Settings(sky=sky))
         assert (picture[..., 3] == 0).all()
         assert picture[..., :3].any() == sky
 
 
-def test_samples_smooth_the_edges_and_cover_the_same(context: moderngl.Context, scene: Scene) -> None:
-    single = draw(context, scene, inside_view())
-    smooth = draw(context, scene, inside_view(), samples=4)
+def test_samples_smooth_the_edges_and_cover_the_same(context: moderngl.Context, model: ShownModel) -> None:
+    single = draw(context, model, inside_view())
+    smooth = draw(context, model, inside_view(), samples=4)
     assert (np.abs(single.astype(int) - smooth).max(axis=2) > 8).mean() < 0.1
     assert not np.array_equal(single, smooth)
     assert ((smooth[..., 3] > 0) >= (single[..., 3] > 0)).all()
 
 
-def test_fog_fades_into_the_horizon(context: moderngl.Context, scene: Scene) -> None:
-    clear = draw(context, scene, inside_view())
-    foggy = draw(context, scene, inside_view(), settings=Settings(fog=2.0))
+def test_fog_fades_into_the_horizon(context: moderngl.Context, model: ShownModel) -> None:
+    clear = draw(context, model, inside_view())
+    foggy = draw(context, model, inside_view(), settings=Settings(fog=2.0))
     surface = clear[..., 3] > 0
     assert foggy[surface][:, :3].std() < 0.3 * clear[surface][:, :3].std()
 
@@ -175,7 +177,7 @@ def test_nothing_trembles_far_from_the_origin(context: moderngl.Context, tmp_pat
         store = make_store(tmp_path / f"{offset}", parts, depth=1)
         shift = np.array([offset, offset, 0])
         view = View(np.array([1.1, 0.7, 2.3]) + shift, looking((3, 3.1, -1), UP), 60, 160, 90, 0.01, 100)
-        pictures.append(draw(context, scene_of(store), view))
+        pictures.append(draw(context, shown_model(store), view))
     assert np.array_equal(pictures[0][..., 3], pictures[1][..., 3])
     assert np.abs(pictures[0].astype(int) - pictures[1]).max() <= 2
 
@@ -188,11 +190,11 @@ def test_far_surfaces_keep_their_order(context: moderngl.Context, tmp_path: Path
         TinyPart("low", [(sheet, triangles)], colour=(250, 20, 20, 255)),
         TinyPart("high", [(sheet + UP, triangles)], colour=(20, 20, 250, 255)),
     ]
-    scene = scene_of(make_store(tmp_path / "sheets", parts, depth=1))
+    model = shown_model(make_store(tmp_path / "sheets", parts, depth=1))
     view = view_from((2000, 2000, 3000), (0.01, 0, -1), near=0.003, field_of_view=50)
     if not abilities(context).reversed_depth:
         pytest.skip("this driver has no reversed depth")
-    picture = draw(context, scene, view, settings=Settings(strategy="none"))
+    picture = draw(context, model, view, settings=Settings(strategy="none"))
     seen = picture[picture[..., 3] == 255].astype(int)
     assert len(seen)
     assert (seen[:, 2] > seen[:, 0]).all()
@@ -202,27 +204,27 @@ def test_one_sided_backs_are_not_drawn_but_two_sided_ones_are(context: moderngl.
     for one_sided, visible in ((True, False), (False, True)):
         part = box_part("box", (0, 0, 0), (4, 4, 4), segments=(1,))
         part = TinyPart(part.name, part.levels, part.errors, one_sided=one_sided, normals=part.normals)
-        scene = scene_of(make_store(tmp_path / str(one_sided), [part], depth=1))
-        picture = draw(context, scene, view_from((2, 2, 2), (1, 0.2, 0)))
+        model = shown_model(make_store(tmp_path / str(one_sided), [part], depth=1))
+        picture = draw(context, model, view_from((2, 2, 2), (1, 0.2, 0)))
         assert (picture[..., 3] == 255).all() == visible
         assert (picture[..., 3] == 0).all() != visible
 
 
-def test_the_drawn_levels_look_like_the_finest(context: moderngl.Context, scene: Scene) -> None:
-    drawn = draw(context, scene, inside_view(), settings=Settings(strategy="vlod", pixel_error=4))
-    full = draw(context, scene, inside_view(), settings=Settings(strategy="none"))
+def test_the_drawn_levels_look_like_the_finest(context: moderngl.Context, model: ShownModel) -> None:
+    drawn = draw(context, model, inside_view(), settings=Settings(strategy="vlod", pixel_error=4))
+    full = draw(context, model, inside_view(), settings=Settings(strategy="none"))
     assert (np.abs(drawn.astype(int) - full).max(axis=2) > 16).mean() < 0.01
 
 
-def test_distance_along_a_direction(context: moderngl.Context, scene: Scene) -> None:
+def test_distance_along_a_direction(context: moderngl.Context, model: ShownModel) -> None:
     for force in ({}, {"force_gl33": True}):
         able = abilities(context, **force)
-        walk = Walkthrough(scene, context, able, Settings())
+        walk = Walkthrough(model, context, able, Settings())
         target = Target(context, (32, 18), samples=0, reversed_depth=able.reversed_depth)
         probe = Target(context, (8, 8), samples=0, reversed_depth=able.reversed_depth)
         walk.frame(inside_view((32, 18)), target)
         here = np.array([1.5, 1.2, 1.6])
-        walk.packs.need(np.arange(len(scene.store.packs)), wait=True)
+        walk.packs.need(np.arange(len(model.store.packs)), wait=True)
         assert walk.distance(here, -UP, np.array([1.0, 0, 0]), probe) == pytest.approx(1.6, rel=0.02)
         assert walk.distance(here, np.array([-1.0, 0, 0]), UP, probe) == pytest.approx(1.5, rel=0.03)
         assert walk.distance(here, UP, np.array([1.0, 0, 0]), probe) == np.inf

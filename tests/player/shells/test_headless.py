@@ -12,11 +12,14 @@ from PIL import Image
 
 from player.camera.path import CameraPath
 from player.camera.view import looking
+from player.offers import names
 from player.renderer.context import headless_context
-from player.scene import Scene, scene_of
-from player.shells.headless import Screen, play, write_report
-from player.walkthrough import STRATEGIES, Settings
-from storage.store import Geometry, Store, open_store
+from player.shells.headless import Report, ReportMaker, Screen, play, render, write_report
+from player.shown_model import ShownModel, shown_model
+from player.strategies import STRATEGIES
+from player.walkthrough import Settings
+from storage.geometry_reader import Geometry
+from storage.store import Store, open_store
 from tests.player.conftest import UP, store_path
 from tests.storage.tiny_store import make_store, room_parts
 
@@ -31,18 +34,42 @@ def walk_along(count: int) -> CameraPath:
     return CameraPath(np.arange(count) / 10, positions, np.array(orientations))
 
 
+class Heard:
+    """Progress that remembers."""
+
+    def __init__(self) -> None:
+        self.calls: list[object] = []
+
+    def start(self, step: str) -> None:
+        self.calls.append(step)
+
+    def update(self, done: int, total: int) -> None:
+        self.calls.append((done, total))
+
+    def finish(self, note: str) -> None:
+        self.calls.append(note)
+
+
+def played(model: ShownModel, path: CameraPath, settings: Settings, **options: bool) -> tuple[list[np.ndarray], Report]:
+    """The pictures of a path, coverage included, and the report."""
+    keeping = ReportMaker(model, path, SCREEN, settings)
+    pictures = []
+    for frame in render(model, path, SCREEN, settings, **options):
+        keeping.add(frame)
+        pictures.append(frame.picture)
+    return pictures, keeping.report()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _driver(context: object) -> None:
     """Skips where there is no OpenGL."""
 
 
 def test_frames_and_report_say_what_happened(room: Store, tmp_path: Path) -> None:
-    calls: list[tuple[int, int]] = []
-    scene = scene_of(open_store(store_path(room)))
-    report = play(
-        scene, walk_along(6), SCREEN, Settings(), frames=tmp_path / "f", progress=lambda a, b: calls.append((a, b))
-    )
-    assert calls == [(n + 1, 6) for n in range(6)]
+    heard = Heard()
+    model = shown_model(open_store(store_path(room)))
+    report = play(model, walk_along(6), SCREEN, Settings(), frames=tmp_path / "f", progress=heard)
+    assert heard.calls == ["rendering", *((n + 1, 6) for n in range(6)), "6 frames"]
     assert sorted(file.name for file in (tmp_path / "f").iterdir()) == [f"frame_{n:04d}.png" for n in range(6)]
     with Image.open(tmp_path / "f" / "frame_0003.png") as image:
         assert image.size == (96, 54)
@@ -72,9 +99,8 @@ def test_pictures_and_counts_do_not_depend_on_threads_or_cache(room: Store) -> N
         Settings(cache_bytes=1),
         Settings(prefetch=False),
     ):
-        scene = scene_of(open_store(store_path(room)))
-        pictures: list[np.ndarray] = []
-        report = play(scene, walk_along(4), SCREEN, settings, keep=pictures)
+        model = shown_model(open_store(store_path(room)))
+        pictures, report = played(model, walk_along(4), settings)
         results.append((np.array(pictures), [[row[key] for key in keys] for row in report.content["frames"]]))
     for pictures, rows in results[1:]:
         assert np.array_equal(pictures, results[0][0])
@@ -84,16 +110,16 @@ def test_pictures_and_counts_do_not_depend_on_threads_or_cache(room: Store) -> N
 def test_what_is_fetched_is_the_same_in_every_run(room: Store) -> None:
     runs = []
     for _ in range(2):
-        scene = scene_of(open_store(store_path(room)))
-        rows = play(scene, walk_along(5), SCREEN, Settings(threads=3)).content["frames"]
+        model = shown_model(open_store(store_path(room)))
+        rows = play(model, walk_along(5), SCREEN, Settings(threads=3)).content["frames"]
         runs.append([(row["bytes_fetched"], row["cache_bytes"]) for row in rows])
     assert runs[0] == runs[1]
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", names(STRATEGIES))
 def test_a_complete_vlod_shows_what_the_full_model_shows(room: Store, strategy: str, tmp_path: Path) -> None:
     settings = replace(Settings(), strategy=strategy)
-    report = play(scene_of(room), walk_along(5), SCREEN, settings, frames=tmp_path, compare=True)
+    report = play(shown_model(room), walk_along(5), SCREEN, settings, frames=tmp_path, compare=True)
     assert report.passed
     compared = report.content["compare"]
     assert compared["holes"] == 0
@@ -109,7 +135,7 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
         return cut[geometry.drawables["lo"][cut, 0] < 7.9]  # not the east wall
 
     store = make_store(tmp_path / "s", room_parts(), depth=1, visible=visible)
-    report = play(scene_of(store), walk_along(5), SCREEN, Settings(), frames=tmp_path / "f", compare=True)
+    report = play(shown_model(store), walk_along(5), SCREEN, Settings(), frames=tmp_path / "f", compare=True)
     assert not report.passed
     compared = report.content["compare"]
     assert compared["holes"] > 100
@@ -122,21 +148,18 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
 
 def test_outside_the_computed_cells_there_is_a_picture(odd_room: Store) -> None:
     path = CameraPath(np.zeros(1), np.array([[-6.0, -5.0, 6.0]]), np.array([looking((10, 8, -5), UP)]))
-    pictures: list[np.ndarray] = []
-    report = play(scene_of(odd_room), path, SCREEN, Settings(), keep=pictures, compare=True)
+    pictures, report = played(shown_model(odd_room), path, Settings(), compare=True)
     assert not report.content["frames"][0]["computed"]
     assert report.content["frames"][0]["cell"] == -1
     assert pictures[0][..., 3].any()
     assert report.passed
 
 
-def test_without_waiting_every_frame_comes_at_once_and_the_picture_completes(scene: Scene) -> None:
+def test_without_waiting_every_frame_comes_at_once_and_the_picture_completes(model: ShownModel) -> None:
     path = walk_along(1)
     still = CameraPath(np.arange(300) / 10, np.repeat(path.positions, 300, 0), np.repeat(path.orientations, 300, 0))
-    pictures: list[np.ndarray] = []
-    report = play(scene, still, SCREEN, Settings(wait=False), keep=pictures)
-    waited: list[np.ndarray] = []
-    play(scene, path, SCREEN, Settings(), keep=waited)
+    pictures, report = played(model, still, Settings(wait=False))
+    waited, _ = played(model, path, Settings())
     last = report.content["frames"][-1]
     assert last["absent"] == last["replaced"] == 0
     assert last["computed"]

@@ -14,9 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from player.camera.path import read_path
-from player.scene import scene_of
 from player.shells.headless import Screen
 from player.shells.window import Viewer, WindowOptions, open_window
+from player.shown_model import shown_model
 from player.walkthrough import Settings
 from storage.store import open_store
 
@@ -26,7 +26,7 @@ def main() -> None:
     store, tour, output = sys.argv[1:]
     options = WindowOptions(Screen(320, 180, 60), read_path(tour), False, Path(output), 1.6)
     window = open_window(options.screen, "test")
-    viewer = Viewer(window, scene_of(open_store(store)), Settings(wait=False), options)
+    viewer = Viewer(window, shown_model(open_store(store)), Settings(wait=False), options)
     keys = window.keys
     found: dict[str, object] = {}
 
@@ -64,7 +64,7 @@ def main() -> None:
     found["faster"] = viewer.camera.speed / speed
     frames(1)
     press(keys.R)
-    found["recorded"] = len(viewer.recorded)
+    found["recorded"] = len(viewer.recorder.recorded)
     end = viewer.camera.position.copy()
     press(keys.T)
     frames(2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from player.camera.view import boxes_between, boxes_in_frustum
-from player.scene import scene_of
+from player.shown_model import shown_model
 from player.strategies.frustum import Frustum
 from player.strategies.none import NoCulling
 from player.strategies.strategy import Strategy
@@ -21,11 +21,11 @@ from tests.storage.tiny_store import make_store, room_parts
 
 
 def _all_strategies(store: Store) -> list[Strategy]:
-    scene = scene_of(store)
+    model = shown_model(store)
     return [
-        Vlod(scene, pixel_error=1, wait=True),
-        Frustum(scene, pixel_error=1),
-        NoCulling(scene, pixel_error=1),
+        Vlod(model, pixel_error=1, wait=True),
+        Frustum(model, pixel_error=1),
+        NoCulling(model, pixel_error=1),
     ]
 
 
@@ -44,8 +44,8 @@ def test_every_strategy_gives_sorted_ids_of_one_level_a_node(odd_room: Store) ->
 
 
 def test_vlod_is_the_cells_list_within_the_frustum(odd_room: Store) -> None:
-    scene = scene_of(odd_room)
-    strategy = Vlod(scene, pixel_error=1, wait=True)
+    model = shown_model(odd_room)
+    strategy = Vlod(model, pixel_error=1, wait=True)
     rng = np.random.default_rng(1)
     cells = set()
     for _ in range(60):
@@ -65,12 +65,12 @@ def test_vlod_is_the_cells_list_within_the_frustum(odd_room: Store) -> None:
 
 
 def test_outside_computed_cells_vlod_falls_back_to_the_frustum(odd_room: Store) -> None:
-    scene = scene_of(odd_room)
+    model = shown_model(odd_room)
     view = view_from((-40, -30, 2), (40, 30, 0))
-    found = Vlod(scene, pixel_error=1, wait=True).choose(view)
+    found = Vlod(model, pixel_error=1, wait=True).choose(view)
     assert not found.computed
     assert found.cell == -1
-    assert np.array_equal(found.drawables, Frustum(scene, pixel_error=1).choose(view).drawables)
+    assert np.array_equal(found.drawables, Frustum(model, pixel_error=1).choose(view).drawables)
     assert len(found.drawables)
 
 
@@ -80,17 +80,17 @@ def test_frustum_is_the_cut_for_the_eye(room: Store) -> None:
     eye = view.position
     cut = choose_cut(room.nodes, room.drawables, eye, eye, room.manifest.pixel_angle, 2.0)
     expected = cut[inside[room.drawables["node"][cut]]]
-    assert np.array_equal(Frustum(scene_of(room), pixel_error=2.0).choose(view).drawables, expected)
+    assert np.array_equal(Frustum(shown_model(room), pixel_error=2.0).choose(view).drawables, expected)
 
 
 def test_none_is_the_finest_level_of_everything(room: Store) -> None:
-    ids = NoCulling(scene_of(room), pixel_error=9).choose(inside_view()).drawables
+    ids = NoCulling(shown_model(room), pixel_error=9).choose(inside_view()).drawables
     assert len(ids) == len(room.nodes)
     assert (room.drawables["level"][ids] == 0).all()
 
 
 def test_more_allowed_error_means_fewer_triangles(room: Store) -> None:
-    strategy = Vlod(scene_of(room), pixel_error=1, wait=True)
+    strategy = Vlod(shown_model(room), pixel_error=1, wait=True)
     view = inside_view()
     triangles = []
     for error in (0.01, 1.0, 64.0, 1000.0):
@@ -108,7 +108,7 @@ def test_a_cell_with_a_raised_error_stays_coarser_by_as_much(tmp_path: Path, bui
     store = make_store(tmp_path / "raised", room_parts(), depth=1, pixel_error=built_for, raised={cell: 60 * built_for})
     assert len(store.vlod(cell))
     assert not np.array_equal(store.vlod(cell), plain.vlod(cell))
-    strategy = Vlod(scene_of(store), pixel_error=built_for, wait=True)
+    strategy = Vlod(shown_model(store), pixel_error=built_for, wait=True)
     rows = store.drawables
 
     def drawn(error: float) -> set[int]:
@@ -128,8 +128,8 @@ def test_a_cell_with_a_raised_error_stays_coarser_by_as_much(tmp_path: Path, bui
 
 
 def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:
-    Vlod(scene_of(room), pixel_error=1, wait=True).choose(inside_view())  # compiles the kernels: not what is timed
-    strategy = Vlod(scene_of(room), pixel_error=1, wait=False)
+    Vlod(shown_model(room), pixel_error=1, wait=True).choose(inside_view())  # compiles the kernels: not what is timed
+    strategy = Vlod(shown_model(room), pixel_error=1, wait=False)
     try:
         view = inside_view()
         first = strategy.choose(view)
@@ -146,7 +146,7 @@ def test_without_waiting_lists_arrive_in_the_background(room: Store) -> None:
 def test_wishes_for_cells_ahead_keep_the_present_one_first(room: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     wished: list[list[int]] = []
     monkeypatch.setattr("player.loading.prefetch.Loader.wish", lambda _, keys: wished.append(list(keys)))
-    strategy = Vlod(scene_of(room), pixel_error=1, wait=False)
+    strategy = Vlod(shown_model(room), pixel_error=1, wait=False)
     try:
         cell = strategy.choose(inside_view()).cell
         strategy.ahead(inside_view(), np.zeros(3))
@@ -157,7 +157,7 @@ def test_wishes_for_cells_ahead_keep_the_present_one_first(room: Store, monkeypa
 
 
 def test_what_lies_ahead_comes_before_what_lies_behind(odd_room: Store) -> None:
-    strategy = Vlod(scene_of(odd_room), pixel_error=1, wait=True)
+    strategy = Vlod(shown_model(odd_room), pixel_error=1, wait=True)
     view = view_from((2.8, 3, 1), (1, 0, 0))  # beyond x = 3, cells see everything
     own = strategy.choose(view_from((2.8, 3, 1), (1, 0, 0)))
     ahead = strategy.ahead(view, np.array([0.2, 0, 0]))
@@ -170,6 +170,6 @@ def test_what_lies_ahead_comes_before_what_lies_behind(odd_room: Store) -> None:
 
 def test_store_without_cells_is_played_by_the_frustum(room: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "cell_at", lambda points: np.full(len(points), -1))
-    choice = Vlod(scene_of(room), pixel_error=1, wait=True).choose(inside_view())
+    choice = Vlod(shown_model(room), pixel_error=1, wait=True).choose(inside_view())
     assert len(choice.drawables)
     assert not choice.computed

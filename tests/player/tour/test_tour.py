@@ -9,15 +9,16 @@ import pytest
 
 from player.camera.path import CameraPath
 from player.camera.view import rotation_matrix
-from player.scene import scene_of
-from player.tour.tour import make_tour, survey
+from player.shown_model import shown_model
+from player.tour.survey import survey
+from player.tour.tour import make_tour
 from storage.store import Store
 from tests.storage.tiny_store import box_part, make_store
 
 
 def _tour(store: Store, frames: int, seed: int = 0) -> CameraPath:
-    scene = scene_of(store)
-    return make_tour(scene, survey(scene), frames=frames, seed=seed)
+    model = shown_model(store)
+    return make_tour(model, survey(model), frames=frames, seed=seed)
 
 
 def test_the_tour_walks_through_the_room(room: Store) -> None:

@@ -3,12 +3,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from storage.cells.deltas import Delta, apply, difference, odd_ones
+from storage.cells.deltas import Delta, apply, apply_chain, difference
 from storage.cells.octree import neighbours
 from storage.cells.spanning_forest import LONGEST_CHAIN, spanning_forest
+from tests.storage.cells.naive_forest import naive_forest
 from tests.storage.strategies import id_sets, leaf_sets
 
 SETS = id_sets(largest=80)
@@ -28,7 +29,7 @@ def test_a_chain_of_deltas_is_applied_at_once(chain: list[np.ndarray]) -> None:
     lists = [chain[0]]
     for before, after in pairwise(chain):
         lists += difference(before, after)
-    assert np.array_equal(odd_ones(lists), chain[-1])
+    assert np.array_equal(apply_chain(lists), chain[-1])
 
 
 def test_changes_that_do_not_fit_are_refused() -> None:
@@ -85,6 +86,34 @@ def test_a_long_row_has_several_roots() -> None:
     parents = spanning_forest(count, pairs)
     assert max(_steps(parents, cell) for cell in range(count)) <= LONGEST_CHAIN
     assert (parents < 0).sum() <= 2 * count / LONGEST_CHAIN
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> tuple[int, np.ndarray]:
+    """Cells and pairs of them: blocks of a grid, rows and rings, and any pairs at all; several parts, some lonely."""
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    kind = draw(st.sampled_from(["any", "ring", "block"]))
+    count = draw(st.integers(0, 150))
+    if kind == "any" and count:
+        pairs = random.integers(0, count, (draw(st.integers(0, 3 * count)), 2))
+    elif kind == "ring" and count:
+        pairs = np.stack([np.arange(count), np.roll(np.arange(count), 1)], axis=1)
+    else:
+        shape = draw(st.tuples(st.integers(1, 12), st.integers(1, 12), st.integers(1, 4)))
+        numbers = np.arange(np.prod(shape)).reshape(shape)
+        count = numbers.size
+        along = [(numbers.take(range(n - 1), a), numbers.take(range(1, n), a)) for a, n in enumerate(shape)]
+        pairs = np.concatenate([np.stack([low.ravel(), high.ravel()], axis=1) for low, high in along])
+    if draw(st.booleans()):
+        pairs = random.permutation(count)[pairs]
+    return count, pairs[random.random(len(pairs)) < draw(st.sampled_from([0.7, 0.95, 1.0]))]
+
+
+@settings(max_examples=300)
+@given(graphs(), st.integers(1, 20))
+def test_the_forest_is_that_of_plain_sweeps(graph: tuple[int, np.ndarray], longest: int) -> None:
+    """Which decides the bytes of cell shards."""
+    assert np.array_equal(spanning_forest(*graph, longest), naive_forest(*graph, longest))
 
 
 def test_the_forest_does_not_depend_on_the_order_of_pairs() -> None:

@@ -1,5 +1,7 @@
 import errno
+import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,8 @@ from click.testing import CliRunner, Result
 
 from storage.base.errors import ModelError
 from storage.cli import command
+from storage.cli.info import info
+from storage.shards.manifest import FORMAT
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -173,8 +177,29 @@ def test_info_of_what_is_no_store(tmp_path: Path) -> None:
     assert result.output.count("\n") == 1
 
 
-def test_info_on_a_terminal(tmp_path: Path) -> None:
-    from storage.cli.info import _show, collect, sections
-
-    store = make_store(tmp_path, room_parts())
-    _show(sections(collect(store)))
+def test_info_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = make_store(tmp_path, room_parts(), raised={7: 3.0})
+    shown = io.StringIO()
+    monkeypatch.setattr(shown, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdout", shown)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.chdir(tmp_path)  # a short name fits into a title
+    assert info.callback is not None
+    info.callback(".", False)
+    assert "\x1b[" in shown.getvalue()  # in colours
+    lines = [line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()).splitlines()]
+    titles = [
+        f".  (version 1, format {FORMAT})",
+        "Drawables",
+        "Cells",
+        "Certificate, all cells together",
+        "Cells by tightness",
+        "Cells with a raised pixel error, to keep --max-triangles",
+        "Bytes",
+    ]
+    assert [line for line in lines if line in titles] == titles
+    rows = [line.split() for line in lines]
+    assert ["level", "drawables", "triangles", "median", "error", "largest", "error"] in rows
+    assert ["computed", "64", "of", "64"] in rows
+    assert [row[1:3] for row in rows if row[:1] == ["7"]] == [["3", f"{store.cells['triangles'][7]:,}"]]

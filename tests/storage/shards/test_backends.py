@@ -3,10 +3,13 @@
 import functools
 import http.server
 import shutil
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import fsspec
 import numpy as np
@@ -14,8 +17,12 @@ import pytest
 
 from storage import open_store
 from storage.base.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
+from storage.cells.spanning_forest import LONGEST_CHAIN
+from storage.geometry_reader import Geometry
+from storage.shards import files
+from storage.shards.shards import TAIL_READ
 from storage.store import Store
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
 class _Ranges(http.server.SimpleHTTPRequestHandler):
@@ -110,7 +117,7 @@ def test_a_missing_store_is_named(place: str | Path) -> None:
 def test_a_missing_shard_is_named(original: Store, tmp_path: Path, scheme: str) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(original.files.url, folder)
-    name = original.manifest.geometry["shards"][0][0]
+    name = original.manifest.geometry.shards[0].name
     (folder / "shards" / name).unlink()
     places: dict[str, Callable[[], Iterator[str]]] = {
         "path": lambda: iter([str(folder)]),
@@ -139,9 +146,137 @@ def test_ranges_fetch_less_than_the_files(original: Store) -> None:
     assert list(serving) == []
 
 
+def test_few_requests_open_a_store_and_read_a_cell(original: Store) -> None:
+    """Each is a wait of its own for whoever is far away."""
+    asked: list[str] = []
+
+    class Counting(_Ranges):
+        def parse_request(self) -> bool:
+            understood = super().parse_request()
+            asked.append(self.requestline)
+            return understood
+
+    def requests() -> int:
+        count = len(asked)
+        asked.clear()
+        return count
+
+    serving = _served(Path(original.files.url), Counting)
+    store = open_store(next(serving))
+    assert 1 <= requests() <= 3  # the manifest, the tables, the cells' table
+    store.vlod(20)
+    assert requests() <= 1  # the shard is small, and comes whole
+    store.vlod(21)
+    store.delta(20, 21)
+    assert requests() == 0  # the same shard
+    store.mesh(0)
+    assert 1 <= requests() <= 2
+    assert list(serving) == []
+
+
+def test_a_cell_of_a_large_shard_takes_a_request_for_each_frame_on_the_way(tmp_path: Path) -> None:
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
+
+    corners = np.indices((12, 12, 12)).reshape(3, -1).T.tolist()
+    parts = [box_part(f"{x} {y} {z}", (x, y, z), (x + 0.5, y + 0.5, z + 0.5), segments=(1,)) for x, y, z in corners]
+    written = make_store(tmp_path, parts, depth=2, visible=visible, cells_per_shard=64)
+    assert written.manifest.cells is not None
+    assert written.manifest.cells.shards[0].bytes > TAIL_READ
+    store = open_store(tmp_path)
+    asked = 0
+    real = store.files.read
+
+    def read(*args: Any) -> bytes:
+        nonlocal asked
+        asked += 1
+        return real(*args)
+
+    store.files.read = read  # type: ignore[method-assign]
+    store.vlod(0)
+    assert 4 <= asked <= 3 + LONGEST_CHAIN  # the shard's end, the links, the key set, the changes
+
+
 def test_a_server_that_is_not_there() -> None:
     with pytest.raises(StoreUnreachableError, match=r"http://127.0.0.1:9/none/manifest.json cannot be read"):
         open_store("http://127.0.0.1:9/none")
+
+
+class _Refusing(_Ranges):
+    """Refuses the first requests of each run with a status, and counts them all."""
+
+    status = 503
+    refusals = 2
+    requests = 0
+
+    def do_GET(self) -> None:
+        type(self).requests += 1
+        if type(self).requests <= self.refusals:
+            self.send_error(self.status)
+        else:
+            super().do_GET()
+
+
+@pytest.fixture
+def refusing(monkeypatch: pytest.MonkeyPatch) -> type[_Refusing]:
+    monkeypatch.setattr(files, "FIRST_PAUSE", 0.01)
+    return type("Refusing", (_Refusing,), {})
+
+
+@pytest.mark.parametrize("status", [500, 503, 429])
+def test_what_a_busy_server_refuses_is_asked_again(original: Store, refusing: type[_Refusing], status: int) -> None:
+    refusing.status = status
+    serving = _served(Path(original.files.url), refusing)
+    place = files.Files(next(serving))
+    assert place.read("manifest.json") == original.files.read("manifest.json")
+    assert refusing.requests == 3
+    assert place.bytes_fetched == len(place.read("manifest.json"))
+    assert list(serving) == []
+
+
+@pytest.mark.parametrize(("status", "expected"), [(404, StoreNotFoundError), (403, StoreUnreachableError)])
+def test_what_is_not_there_or_not_allowed_is_asked_once(
+    original: Store, refusing: type[_Refusing], status: int, expected: type[Exception]
+) -> None:
+    refusing.status, refusing.refusals = status, 9
+    serving = _served(Path(original.files.url), refusing)
+    with pytest.raises(expected, match=r"manifest\.json"):
+        files.Files(next(serving)).read("manifest.json")
+    assert refusing.requests == 1
+    assert list(serving) == []
+
+
+def test_a_server_that_only_fails_is_given_up(original: Store, refusing: type[_Refusing]) -> None:
+    refusing.refusals = 99
+    serving = _served(Path(original.files.url), refusing)
+    place = files.Files(next(serving))
+    with pytest.raises(StoreUnreachableError, match=r"manifest\.json cannot be read: 503"):
+        place.read("manifest.json")
+    assert refusing.requests == files.ATTEMPTS
+    assert list(serving) == []
+
+
+def test_a_server_that_falls_silent_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "SILENCE_TIME", 0.1)
+    monkeypatch.setattr(files, "FIRST_PAUSE", 0.01)
+    with socket.create_server(("127.0.0.1", 0)) as listening:  # accepts, and never says a word
+        began = time.monotonic()
+        with pytest.raises(StoreUnreachableError, match="x cannot be read"):
+            files.Files(f"http://127.0.0.1:{listening.getsockname()[1]}").read("x")
+        assert time.monotonic() - began < 20
+
+
+def test_whatever_a_file_system_raises_means_that_it_gave_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    class OfItsOwnError(Exception):
+        """Neither an OSError nor known to anyone here."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OfItsOwnError("the bucket is closed")
+
+    place = files.Files("memory://somewhere")
+    monkeypatch.setattr(type(place._system), "cat_file", fail)
+    with pytest.raises(StoreUnreachableError, match="memory://somewhere/x cannot be read: the bucket is closed"):
+        place.read("x")
 
 
 def test_http_without_aiohttp(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
+from storage.shards.cache import ByteCache
 from storage.shards.shards import (
     FRAME,
     TAIL_READ,
@@ -22,7 +23,7 @@ FRAMES = [(Kind.GEOMETRY, b"hello"), (Kind.TABLE, b""), (Kind.DELTAS, bytes(rang
 
 
 def _reader(content: bytes, record: ShardRecord) -> ShardReader:
-    return ShardReader(record, lambda start, end: content[start:end])
+    return ShardReader(record, lambda start, end: content[start:end], ByteCache(1 << 20))
 
 
 def _read(root: Path, record: ShardRecord) -> ShardReader:
@@ -58,7 +59,7 @@ def test_one_frame_is_one_request_after_the_index(tmp_path: Path) -> None:
         asked.append(end - start)
         return content[start:end]
 
-    reader = ShardReader(record, read)
+    reader = ShardReader(record, read, ByteCache(1 << 20))
     reader.frame(2, Kind.GEOMETRY)
     reader.frame(1, Kind.GEOMETRY)
     assert asked == [TAIL_READ, 50_000, 50_000]
@@ -73,7 +74,7 @@ def test_a_small_shard_is_one_request(tmp_path: Path) -> None:
         asked.append(end - start)
         return content[start:end]
 
-    reader = ShardReader(record, read)
+    reader = ShardReader(record, read, ByteCache(1 << 20))
     assert [reader.frame(i, kind) for i, (kind, _) in enumerate(FRAMES)] == [payload for _, payload in FRAMES]
     assert asked == [record.bytes]
 

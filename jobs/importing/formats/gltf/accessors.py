@@ -160,7 +160,11 @@ class Accessors:
 
     def as_floats(self, number: int, values: np.ndarray) -> np.ndarray:
         """Values that were stored elsewhere, as an accessor would give them."""
-        if self.header["accessors"][at(number)].get("normalized") and values.dtype.kind in "iu":
+        accessor = self.header["accessors"][at(number)]
+        dtype = np.dtype(_COMPONENTS[accessor["componentType"]])
+        if values.dtype != dtype and values.dtype.kind in "iu" and dtype.kind in "iu":
+            values = values.astype(dtype)
+        if accessor.get("normalized") and values.dtype.kind in "iu":
             return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
         return values.astype(np.float64)
 

@@ -23,10 +23,19 @@ import numpy as np
 from jobs.importing.formats.format import Format
 from jobs.importing.formats.gltf.accessors import Accessors, at, decompressed_bytes, open_buffers
 from jobs.importing.formats.gltf.draco import DracoDecoder, decoder_memory
-from jobs.importing.formats.gltf.header import DRACO, Json, check_versions, references, unpacked, unread_extensions
+from jobs.importing.formats.gltf.header import (
+    DRACO,
+    Json,
+    check_versions,
+    name_of,
+    references,
+    unpacked,
+    unread_extensions,
+)
 from jobs.importing.formats.gltf.placements import count_instances, placements
 from jobs.importing.formats.gltf.poses import Poses
 from jobs.importing.formats.gltf.primitives import TRIANGLES, UNPOSED, Pose, Primitives, has_triangles, is_skinned
+from jobs.importing.formats.gltf.surfaces import may_split
 from jobs.importing.formats.gltf.textures import TEXTURES_KEPT, Textures
 from jobs.importing.reading.content import Content, ContentPart
 from jobs.importing.reading.defects import Defect, Tally
@@ -41,10 +50,13 @@ _BLOCK = 1 << 20
 JSON = 10
 
 #: Bytes of memory for each instance that a node places.
-INSTANCE = 1000
+INSTANCE = 1200
 
 #: Bytes of memory for each vertex that morph targets or joints move.
 POSED_VERTEX = 250
+
+#: Bytes of memory for each corner of a triangle that may get vertices of its own, because its texture has alpha.
+SPLIT_CORNER = 200
 
 
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
@@ -69,6 +81,7 @@ class _Meshes:
     tally: Tally
     entries: list[tuple[str, list[Json], Pose]] = field(default_factory=list)
     _index: dict[int, int] = field(default_factory=dict)  # of the header's meshes with triangles, among the entries
+    _rigid: set[int] = field(default_factory=set)  # entries that no node poses
     _posed: dict[tuple[int, Pose], int] = field(default_factory=dict)
     _primitives: Primitives = field(init=False)
 
@@ -77,7 +90,7 @@ class _Meshes:
         self._primitives = Primitives(self.accessors, Textures(self.accessors, self.resources), decoder)
         known: dict[bytes, int] = {}
         for number, entry in enumerate(self.accessors.header.get("meshes", ())):
-            name = str(entry.get("name") or f"mesh {number}")
+            name = name_of(entry, f"mesh {number}")
             key = hashlib.blake2b(json.dumps(entry["primitives"], sort_keys=True).encode(), digest_size=16).digest()
             if key not in known:
                 drawn = [primitive for primitive in entry["primitives"] if has_triangles(primitive)]
@@ -87,6 +100,8 @@ class _Meshes:
                 if not drawn:
                     continue
                 known[key] = len(self.entries)
+                if not any(primitive.get("targets") or is_skinned(primitive) for primitive in drawn):
+                    self._rigid.add(known[key])
                 self.entries.append((name, drawn, UNPOSED))
             self._index[number] = known[key]
 
@@ -96,6 +111,8 @@ class _Meshes:
         index = self._index.get(node["mesh"]) if "mesh" in node else None
         if index is None:
             return None
+        if index in self._rigid:
+            return index, False
         name, primitives, _ = self.entries[index]
         skin = node.get("skin")
         has_joints = skin is not None and any(is_skinned(primitive) for primitive in primitives)
@@ -181,6 +198,8 @@ def _of_mesh(header: Json, mesh: Json, textured: bool) -> int:
         corners = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
         triangles = corners // 3 if primitive.get("mode", TRIANGLES) == TRIANGLES else corners
         posed = bool(primitive.get("targets")) or is_skinned(primitive)
+        if textured and "material" in primitive and may_split(header["materials"][primitive["material"]]):
+            need += SPLIT_CORNER * 3 * triangles
         need += (VERTEX + TEXTURED_VERTEX * textured + POSED_VERTEX * posed) * vertices + TRIANGLE * triangles
         if DRACO in extensions:
             stream = int(header["bufferViews"][extensions[DRACO]["bufferView"]]["byteLength"])

@@ -136,3 +136,9 @@ def references(header: Json, section: str) -> list[str]:
     """The files that the entries of a section name."""
     uris = [str(entry["uri"]) for entry in header.get(section, ()) if "uri" in entry]
     return [uri for uri in uris if not uri.startswith("data:")]
+
+
+def name_of(entry: Json, otherwise: str) -> str:
+    """The name of an entry, if it has one; halves of characters in it are written as escapes."""
+    name = str(entry.get("name") or otherwise)
+    return name if name.isascii() else name.encode(errors="backslashreplace").decode()

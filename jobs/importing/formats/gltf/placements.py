@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jobs.importing.formats.gltf.accessors import Accessors, at
-from jobs.importing.formats.gltf.header import INSTANCING, VISIBILITY, Json, unread_extensions
+from jobs.importing.formats.gltf.header import INSTANCING, VISIBILITY, Json, name_of, unread_extensions
 from jobs.importing.formats.gltf.poses import Poses, under
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.source_scene import SourceNode
@@ -27,27 +27,31 @@ def placements(poses: Poses, mesh_of: Callable[[int], tuple[int, bool] | None], 
     `mesh_of` a node's number: the mesh that it places, and whether a skin places it whatever the node; None for none.
     """
     header = poses.accessors.header
+    mesh_names: dict[int | None, str] = {
+        n: mesh["name"] for n, mesh in enumerate(header.get("meshes", ())) if mesh.get("name")
+    }
     placed: list[SourceNode] = []
     seen: set[int] = set()
     stack = [(number, IDENTITY) for number in reversed(_roots(header))]
     while stack:
         number, parent = stack.pop()
         node = poses.nodes[at(number)]
-        own_name = str(node.get("name") or f"node {number}")
+        name = name_of(node, mesh_names.get(node.get("mesh"), f"node {number}"))
         if number in seen:
-            tally.add(Defect.BROKEN, own_name)
+            tally.add(Defect.BROKEN, name)
             continue
         seen.add(number)
-        if node.get("extensions", {}).get(VISIBILITY, {}).get("visible") is False:
-            tally.add(Defect.HIDDEN, own_name)
+        extensions = node.get("extensions", {})
+        if extensions.get(VISIBILITY, {}).get("visible") is False:
+            tally.add(Defect.HIDDEN, name)
             continue
         matrix = under(parent, poses.local(number))
-        tally.add(Defect.UNSUPPORTED, own_name, len(unread_extensions(node)))
+        if extensions:
+            tally.add(Defect.UNSUPPORTED, name, len(unread_extensions(node)))
         mesh = mesh_of(number)
         if mesh is not None:
             index, is_posed = mesh
-            name = str(node.get("name") or header["meshes"][node["mesh"]].get("name") or f"node {number}")
-            instances = None if is_posed else node.get("extensions", {}).get(INSTANCING)
+            instances = None if is_posed else extensions.get(INSTANCING)
             if instances is None:
                 placed.append(SourceNode(index, name, IDENTITY if is_posed else matrix))
             else:

@@ -76,10 +76,9 @@ class Poses:
         """A node's own (3, 4) matrix: IDENTITY itself if it has none, NOWHERE if what it has cannot be read."""
         node = self.nodes[at(number)]
         places = {path: node[path] for path in _PLACES if path in node}
-        for path, width in _PLACES.items():
-            first = self._first(number, path, width)
-            if first is not None:
-                places[path] = first
+        if self._firsts and not places:
+            firsts = {path: self._first(number, path, width) for path, width in _PLACES.items()}
+            places = {path: first for path, first in firsts.items() if first is not None}
         try:
             if "matrix" in node:
                 return _of_matrix(np.array(node["matrix"], np.float64).reshape(4, 4).T)

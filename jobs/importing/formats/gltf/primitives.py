@@ -93,7 +93,7 @@ class Primitives:
         vertices = self.accessors.count(attributes["POSITION"])
         corners = self.accessors.count(primitive["indices"]) if "indices" in primitive else vertices
         stream = self.accessors.whole_view(extension["bufferView"])
-        triangles, values = self.decoder.decode(stream, list(wanted.values()), vertices, corners)
+        triangles, values = self.decoder.decode(stream, list(wanted.values()), vertices, corners // 3)
         decoded = {
             name: self.accessors.as_floats(attributes[name], array) for name, array in zip(wanted, values, strict=True)
         }

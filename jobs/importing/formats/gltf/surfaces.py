@@ -30,6 +30,8 @@ from jobs.importing.reading.vertex_colours import (
 
 _MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 
+_TRANSMISSION = "KHR_materials_transmission"
+
 #: What lets all light through is still drawn with this alpha: glass has an outline.
 _CLEAREST = 0.1
 
@@ -121,6 +123,11 @@ def paint(
     return Painted(None if same else chosen, triangles, colours)
 
 
+def may_split(material: Json) -> bool:
+    """Whether triangles of a textured material may need vertices of their own."""
+    return material.get("alphaMode", "OPAQUE") != "OPAQUE" or _TRANSMISSION in material.get("extensions", {})
+
+
 def _base_colour(material: Json) -> tuple[Sequence[float], Json | None]:
     """A material's base colour and the texture that goes with it."""
     older = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
@@ -173,7 +180,7 @@ def _unknown(triangles: int) -> AlphaOver:
 
 def _transmission(textures: Textures, attributes: Attributes, material: Json, settled: SeenThrough) -> AlphaOver | None:
     """What KHR_materials_transmission leaves of the alpha of each triangle, None if it lets nothing through."""
-    entry = material.get("extensions", {}).get("KHR_materials_transmission", {})
+    entry = material.get("extensions", {}).get(_TRANSMISSION, {})
     factor = float(entry.get("transmissionFactor", 0.0))
     if not factor > 0:
         return None

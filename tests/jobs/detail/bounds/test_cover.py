@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from jobs.detail.bounds.cover import covered
+from jobs.detail.bounds.cover import Cover, covered
 from jobs.detail.bounds.hausdorff import hausdorff_bound, point_distances
 from tests.jobs.detail.sampling import distances, sample
 from tests.jobs.detail.shapes import Shape, box, grid, joined, sphere, surface_of, torus
@@ -23,12 +23,8 @@ def bound_by_covering(corners: np.ndarray, points: np.ndarray, triangles: np.nda
     flood = np.empty(len(surface.triangles), np.int32)
     flood[: len(begin)] = begin
     seen[begin] = 0
-    return float(
-        covered(
-            corners, np.arange(3, dtype=np.int32), surface.points, surface.triangles, surface.twin, limit,
-            seen, 0, flood, len(begin), np.empty((2, 16, 3)),
-        )
-    )  # fmt: skip
+    cover = Cover(seen, flood, np.empty((2, 16, 3)))
+    return float(covered(corners, np.arange(3, dtype=np.int32), surface, limit, cover, 0, len(begin)))
 
 
 def uneven(seed: int, height: float) -> Shape:

@@ -198,7 +198,7 @@ def test_the_measured_chance_of_a_miss_is_the_oracles(seed: int) -> None:
     measured = engine.count_misses(lo, hi, soup.drawables, found.visible, np.random.default_rng(seed))
     corners, owner = soup.vertices[soup.triangles].astype(np.float32), soup.triangle_drawable.astype(np.int64)
     oracle = Oracle(corners, owner, soup.one_sided[owner])
-    looked = examine(oracle, owner, corners, lo, hi, found.visible, 3 * count, np.random.default_rng(seed))
+    looked = examine(oracle, lo, hi, found.visible, 3 * count, np.random.default_rng(seed))
     assert looked.uniform == count
     assert measured > 100
     assert abs(measured - looked.missed_rays) <= 5 * np.sqrt(measured + looked.missed_rays)

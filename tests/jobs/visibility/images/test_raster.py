@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jobs.visibility.images.cube_faces import Face, Pixels
 from jobs.visibility.images.raster import LANES, draw_triangles
 
 R = 40
@@ -35,12 +36,15 @@ def corners(draw: st.DrawFn) -> np.ndarray:
     return np.column_stack([seen, depth])
 
 
-def drawn(q: np.ndarray, window: tuple[int, int, int, int] = (0, R - 1, 0, R - 1)) -> tuple[np.ndarray, np.ndarray]:
+FACE, WHOLE = Face(4, R, FARTHEST), Pixels(0, R - 1, 0, R - 1)
+
+
+def drawn(q: np.ndarray, pixels: Pixels = WHOLE) -> tuple[np.ndarray, np.ndarray]:
     """(r, r) one over the depths and the limits that drawing the corners q (3, 3) leaves."""
     inverse, limit = np.full((R, R + LANES), np.inf, np.float32), np.zeros((R, R + LANES), np.float32)
     limit[:, ::7] = -1
     triangles, chosen = np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)
-    draw_triangles(q, triangles, chosen, 4, window, np.empty((4, 2)), True, FARTHEST, inverse, limit)
+    draw_triangles(q, triangles, chosen, FACE, pixels, np.empty((4, 2)), True, inverse, limit)
     return inverse[:, :R], limit[:, :R]
 
 
@@ -111,7 +115,7 @@ def test_a_window_shows_what_the_whole_image_shows(q: np.ndarray, sides: tuple[i
     i0, i1 = sorted(sides[:2])
     j0, j1 = sorted(sides[2:])
     inverse, _ = drawn(q)
-    part, part_limit = drawn(q, (i0, i1, j0, j1))
+    part, part_limit = drawn(q, Pixels(i0, i1, j0, j1))
     whole = inverse[j0 : j1 + 1, i0 : i1 + 1]
     here = part[j0 : j1 + 1, i0 : i1 + 1]
     both = np.isfinite(whole) & np.isfinite(here)

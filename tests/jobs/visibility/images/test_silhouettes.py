@@ -6,21 +6,22 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jobs.visibility.images.cube_faces import Face, Pixels
 from jobs.visibility.images.silhouettes import lower_limits
 
 R = 64
 
 
-def limits_of(
-    ends: np.ndarray, face: int, window: tuple[int, int, int, int] = (0, R - 1, 0, R - 1), farthest: float = np.inf
-) -> np.ndarray:
+WHOLE = Pixels(0, R - 1, 0, R - 1)
+
+
+def limits_of(ends: np.ndarray, face: int, pixels: Pixels = WHOLE, farthest: float = np.inf) -> np.ndarray:
     """The limits (r, r) of pixels of a face that one unsafe edge from ends[0] to ends[1] leaves; none is deeper."""
     limit = np.zeros((R, R), np.float32)
-    i0, i1, j0, j1 = window
-    limit[j0 : j1 + 1, i0 : i1 + 1] = farthest
+    limit[pixels.j0 : pixels.j1 + 1, pixels.i0 : pixels.i1 + 1] = farthest
     lower_limits(
-        ends, np.array([[0, 1]], np.int32), 1, face, R, farthest, window, np.empty((4, 4)), np.empty((R, 2), np.int32),
-        np.full((R, R), np.inf, np.float32), limit,
+        ends, np.array([[0, 1]], np.int32), Face(face, R, farthest), pixels, np.empty((4, 4)),
+        np.empty((R, 2), np.int32), np.full((R, R), np.inf, np.float32), limit,
     )  # fmt: skip
     return limit
 
@@ -82,7 +83,7 @@ def test_a_short_edge_leaves_what_is_far_from_it_and_limits_what_is_near() -> No
 
 
 def test_pixels_outside_of_the_window_are_left_alone() -> None:
-    limit = limits_of(np.array([[10.0, -5.0, 0.0], [10.0, 5.0, 0.3]]), 0, (10, 40, 20, 50))
+    limit = limits_of(np.array([[10.0, -5.0, 0.0], [10.0, 5.0, 0.3]]), 0, Pixels(10, 40, 20, 50))
     assert (limit[:20] == 0).all()
     assert (limit[:, :10] == 0).all()
     assert (limit[20:51, 10:41] > 0).any()

@@ -29,9 +29,9 @@ def scene_of(soup: Soup) -> ray_tree.Scene:
 
 def look(soup: Soup, scene: ray_tree.Scene, t: int, wa: float, wb: float, o: np.ndarray) -> int:
     """What the kernel says when all of the soup stands."""
-    d, over, stack = np.empty(3), np.empty(3), np.empty(ray_tree.STACK, np.int32)
-    drawable = int(soup.triangle_drawable[t])
-    return int(aimed_rays.look(scene, t, drawable, wa, wb, o, d, over, stack, -1))
+    ray = aimed_rays.make_ray()
+    ray.o[:] = o
+    return int(aimed_rays.look(scene, t, int(soup.triangle_drawable[t]), wa, wb, ray, -1))
 
 
 def exactly_seen(soup: Soup, t: int, wa: float, wb: float, o: np.ndarray) -> bool:
@@ -297,8 +297,8 @@ def test_what_is_proven_many_rays_see_as_well_and_little_is_undecided(seed: int)
     hi = lo + 300
     found = Engine(soup, EngineSettings(resolution=64)).visible_from(lo, hi, soup.drawables)
     assert found is not None
-    oracle, owner, corners = oracle_of(soup)
-    seen = examine(oracle, owner, corners, lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
+    oracle, _, _ = oracle_of(soup)
+    seen = examine(oracle, lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
     for drawable in set(found.proven.tolist()) - set(seen.tolist()):
         assert seen_from_corners(soup, drawable, lo, hi, 5000)
     assert len(found.proven) >= 0.9 * len(seen)

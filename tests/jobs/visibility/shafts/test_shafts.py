@@ -124,7 +124,7 @@ def test_shafts_only_ever_sharpen_and_an_engine_forgets_its_last_cell(seed: int)
     assert proven[0] <= proven[1] <= proven[2] <= visible[2]
     for engine, before in ((more, found[1]), (most, found[2])):
         engine.visible_from(lo[1], lo[1] + 300, soup.drawables)
-        engine._work.epoch[:] = MOST_EPOCHS + 1  # so many floods later
+        engine._room.work.epoch[:] = MOST_EPOCHS + 1  # so many floods later
         again = engine.visible_from(lo[0], lo[0] + 300, soup.drawables)
         assert before is not None
         assert again is not None

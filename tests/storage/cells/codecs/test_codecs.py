@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import zstandard
@@ -5,11 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError, StoreFormatError
-from storage.cells.codecs import CODECS, DEFAULT, Codec, codec_named
+from storage.cells.codecs import DEFAULT, MODULES, Codec, codec_named, codecs
 from storage.cells.codecs.varint import decode_varints, encode_varints
+from storage.shards.cache import ByteCache
+from storage.shards.shard_files import ShardFiles
+from storage.shards.shards import Kind
+from storage.store import Store, open_store
+from tests.storage.cells.codecs.toy_codec import CODEC
 from tests.storage.strategies import id_sets
+from tests.storage.tiny_store import make_store, room_parts
 
-EVERY = pytest.mark.parametrize("codec", CODECS.values(), ids=lambda codec: codec.name)
+TOY = "tests.storage.cells.codecs.toy_codec"
+EVERY = pytest.mark.parametrize("codec", [*codecs().values(), CODEC], ids=lambda codec: codec.name)
 
 
 @EVERY
@@ -22,7 +31,7 @@ def test_lists_come_back(codec: Codec, lists: list[np.ndarray]) -> None:
         assert np.array_equal(ids, expected)
 
 
-@EVERY
+@pytest.mark.parametrize("codec", codecs().values(), ids=lambda codec: codec.name)
 def test_runs_cost_next_to_nothing(codec: Codec) -> None:
     assert len(codec.encode([np.arange(1000, 101_000, dtype=np.uint32)])) < 100
 
@@ -40,6 +49,7 @@ def test_senseless_bytes_are_refused_and_never_crash(codec: Codec, data: bytes) 
 
 def test_codecs_by_name() -> None:
     assert codec_named(DEFAULT).name == DEFAULT
+    assert list(codecs()) == [DEFAULT]
     with pytest.raises(StoreFormatError, match="uses the code 'unheard of'"):
         codec_named("unheard of")
 
@@ -54,3 +64,59 @@ def test_varints_come_back(numbers: list[int]) -> None:
 def test_varints_that_make_no_sense(data: list[int]) -> None:
     with pytest.raises(ValueError, match=r"number|left over"):
         decode_varints(np.array(data, np.uint8), 1)
+
+
+def _some(geometry: object, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+    return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
+
+
+@pytest.fixture
+def with_toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One more line in the list of codes."""
+    monkeypatch.setattr("storage.cells.codecs.MODULES", (*MODULES, TOY))
+
+
+@pytest.mark.parametrize("used", [["plain"], ["plain", DEFAULT]])
+def test_a_new_code_is_a_file_and_a_line(tmp_path: Path, with_toy: None, used: list[str]) -> None:
+    """Shards of different codes lie side by side in a store, and read the same."""
+    store = make_store(tmp_path / "new", room_parts(), visible=_some, codecs=used)
+    usual = make_store(tmp_path / "usual", room_parts(), visible=_some)
+    assert store.manifest.cells is not None
+    assert [shard.codec for shard in store.manifest.cells.shards] == (used * 4)[:4]
+    for cell in range(len(usual.cells)):
+        assert np.array_equal(store.vlod(cell), usual.vlod(cell))
+        for other in usual.neighbours(cell):
+            for mine, theirs in zip(store.delta(cell, other), usual.delta(cell, other), strict=True):
+                assert np.array_equal(mine, theirs)
+    assert not list(store.check())
+
+
+def test_a_code_says_how_large_its_blocks_are(tmp_path: Path, with_toy: None) -> None:
+    def blocks(store: Store) -> int:
+        assert store.manifest.cells is not None
+        shards = ShardFiles(store.files, ByteCache(1 << 20))
+        return sum((shards.reader(s).index["kind"] == Kind.DELTAS).sum() for s in store.manifest.cells.shards)
+
+    usual = make_store(tmp_path / "usual", room_parts(), visible=_some)
+    small = make_store(tmp_path / "new", room_parts(), visible=_some, codecs=["plain"])
+    ids = sum(len(ids) for a in range(64) for b in usual.neighbours(a) if b > a for ids in usual.delta(a, b))
+    assert blocks(usual) == 4  # one a shard
+    assert ids / 150 < blocks(small) <= ids / CODEC.block_ids + 4
+
+
+def test_a_store_in_an_unknown_code_is_refused_when_it_is_opened(tmp_path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("storage.cells.codecs.MODULES", (*MODULES, TOY))
+        make_store(tmp_path, room_parts(), codecs=[DEFAULT, "plain"])
+    with pytest.raises(StoreFormatError, match="uses the code 'plain'; this vLOD knows gap-varint-zstd"):
+        open_store(tmp_path)
+
+
+def test_a_block_that_cannot_be_decoded_is_named_with_its_file(tmp_path: Path, with_toy: None) -> None:
+    store = make_store(tmp_path, room_parts(), codecs=["plain"])
+    assert store.manifest.cells is not None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(CODEC), "decode", lambda *_: (_ for _ in ()).throw(CorruptStoreError("no sense in it")))
+        with pytest.raises(CorruptStoreError, match=r"^shards/\w+ is damaged: frame \d+: no sense in it") as caught:
+            open_store(tmp_path).vlod(0)
+    assert caught.value.file == f"shards/{store.manifest.cells.shards[0].name}"

@@ -87,7 +87,12 @@ def test_a_materials_alpha(tmp_path, material, expected):
 
 
 @pytest.mark.parametrize(
-    "material", [surface((1, 1, 1, 0.2), alphaMode="MASK"), surface((1, 1, 1, 0), alphaMode="BLEND")]
+    "material",
+    [
+        surface((1, 1, 1, 0.2), alphaMode="MASK"),
+        surface((1, 1, 1, 0), alphaMode="BLEND"),
+        surface(alphaMode="MASK", alphaCutoff=1.5),
+    ],
 )
 def test_what_is_not_drawn_is_left_out_and_told(tmp_path, material):
     with pytest.raises(ModelError, match=r"no triangle is left to draw .*2 invisible faces"):

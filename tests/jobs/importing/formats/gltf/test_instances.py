@@ -182,3 +182,13 @@ def test_points_lines_and_unknown_modes_are_counted(tmp_path):
     glb.header["cameras"] = [{"type": "orthographic"}]
     model = imported(glb.write(tmp_path / "a.glb"), tmp_path / "out")
     assert model.report == {"points, lines and other primitives without triangles": {"total": 7, "parts": {"all": 7}}}
+
+
+def test_names_with_half_characters_can_be_kept(tmp_path):
+    """JSON may hold one half of a pair of surrogates, which no text file can."""
+    glb = Glb()
+    mesh = glb.mesh(glb.primitive(*box()))
+    for number, name in enumerate(["wall \ud800", "wall \ud801", "wall \U00010400", "wall"]):
+        glb.node(mesh=mesh, name=name, translation=[2.0 * number, 0, 0])
+    names = imported(glb.write(tmp_path / "a.glb"), tmp_path / "out").names
+    assert names == ("wall \\ud800", "wall \\ud801", "wall \U00010400", "wall")

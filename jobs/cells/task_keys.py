@@ -1,0 +1,36 @@
+"""Which cells a task works out: the keys of some levels of the octree below its own."""
+
+from __future__ import annotations
+
+from jobs.cells.parameters import CellParameters
+from storage.cells import octree
+
+#: Octree levels that one task covers below its root; fewer in the first wave, see `levels_of_task`.
+LEVELS_PER_TASK = 2
+
+
+def levels_of_task(top: int, max_depth: int) -> int:
+    """How many levels a task works out below a root at depth `top`.
+
+    The first wave takes what is odd, so that the last one, which has by far the most cells, has whole tasks.
+    """
+    return (max_depth - top) % LEVELS_PER_TASK or LEVELS_PER_TASK
+
+
+def children_in_view(key: int, parameters: CellParameters) -> list[int]:
+    """The children of a key that touch the view box, in Morton order."""
+    keys = octree.children(key)
+    lo, hi = parameters.octree.boxes(keys)
+    touches = (lo <= parameters.view_hi).all(axis=1) & (hi >= parameters.view_lo).all(axis=1)
+    return [int(k) for k in keys[touches]]
+
+
+def first_keys(root_key: int, parameters: CellParameters) -> list[int]:
+    """The topmost cells that the task below a key may give."""
+    return [root_key] if root_key == octree.ROOT else children_in_view(root_key, parameters)
+
+
+def bottom_of(root_key: int, parameters: CellParameters) -> int:
+    """The depth of the last cells that the task below a key works out."""
+    top = octree.depth(root_key)
+    return min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)

@@ -1,0 +1,80 @@
+"""Layout: the order of all cells, and which of them share a face. One task.
+
+Each task's cells become one shard, in the order of the tasks' root keys; they are numbered shard by shard.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jobs.running.arrays import save_array
+from jobs.running.memory import PROCESS
+from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
+from jobs.running.workplace import Workplace
+from jobs.stages import cells
+from jobs.stages.common import code
+from jobs.stages.common.build_state import BuildState, Tasks
+from storage.base.errors import ParameterError
+from storage.base.typed_json import to_json
+
+STAGE = Stage("layout", "jobs.stages.layout:lay_out_cells", code.LAYOUT, ("numpy",))
+
+#: Bytes for each cell.
+PER_CELL = 2000
+
+#: Files of a task: the number of the first cell of each shard, and the end (shards + 1,) int64; pairs (n, 2) int64 of
+#: cells that share a face, the lower number first; see `shards_needed`.
+STARTS = "starts.npy"
+PAIRS = "pairs.npy"
+NEEDS = "needs.json"
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What decides the layout."""
+
+    cells: tuple[tuple[int, str], ...]  # root and content of each subtree, by root
+
+
+@dataclass(frozen=True)
+class Places:
+    """Keys of the tasks whose results are read."""
+
+    cells: tuple[str, ...]
+
+
+def tasks(state: BuildState) -> Tasks:
+    """The task. Raises ParameterError where there is no cell."""
+    found = cells.finished_cells(state)
+    if not found:
+        raise ParameterError("no view cell lies in the view space: choose a larger --view-box or --region")
+    payload = Payload(tuple((int(result.task.payload["root"]), result.record["content"]) for result in found))
+    count = sum(int(result.record["cells"]) for result in found)
+    places = Places(tuple(result.key for result in found))
+    return Tasks([Task(STAGE, to_json(payload), to_json(places), PROCESS + PER_CELL * count)])
+
+
+def lay_out_cells(work: Assignment) -> dict[str, Any]:
+    """The order of all cells, and which of them share a face."""
+    from storage.cells.octree import neighbours
+
+    _, places = work.read(Payload, Places)
+    keys = [np.load(work.place.result(cells.STAGE.name, key) / "cells.npy")["key"] for key in places.cells]
+    starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
+    pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
+    save_array(work.out / STARTS, starts)
+    save_array(work.out / PAIRS, pairs)
+    shard = np.searchsorted(starts, pairs, side="right") - 1
+    needs = [sorted({number, *shard[shard[:, 0] == number, 1].tolist()}) for number in range(len(keys))]
+    (work.out / NEEDS).write_text(json.dumps(needs))
+    return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": content_of_arrays(starts, pairs)}
+
+
+def shards_needed(place: Workplace, key: str) -> list[list[int]]:
+    """For each cell shard of a layout, the shards whose cells it needs to know, itself among them."""
+    needs: list[list[int]] = json.loads((place.result(STAGE.name, key) / NEEDS).read_text())
+    return needs

@@ -1,0 +1,189 @@
+"""A walk through the most interesting rooms of a model that keeps clear of its surfaces.
+
+Where a floor lies below at eye height one can walk; a place is interesting if there is something to see around it. The
+walk visits places far apart in the largest interesting region, along ways that keep off the walls, smoothed, looking
+ahead.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from player.camera.path import CameraPath
+from player.camera.view import AXES, direction_yaw_pitch, looking, up_vector, yaw_pitch_direction
+from player.shown_model import ShownModel
+from player.tour.occupancy import cheapest_ways, clearance, enclosure, free_run
+from player.tour.survey import Survey, Voxels
+from player.tour.tour import FRAMES_PER_SECOND
+
+#: Way between two frames, in eye heights: brisk, but no chase.
+_STEP = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Where one can walk."""
+
+    voxels: NDArray[np.int64]  # (n, 3)
+    flat: NDArray[np.int64]  # (n,) their flat indices
+    interest: NDArray[np.float32]  # (n,) 0 to 1
+    cost: NDArray[np.float32]  # (nx, ny, nz) of a way through each voxel, infinite elsewhere
+    room: NDArray[np.float32]  # (nx, ny, nz) distance to the nearest surface, in voxels
+
+
+def walk_through_rooms(model: ShownModel, known: Survey, *, frames: int, seed: int) -> CameraPath | None:
+    """A walk of `frames` poses; None where there is no region to walk through. The same for the same store and seed."""
+    voxels, eyes = known.voxels, known.eye_height
+    region = _region(model, voxels, eyes)
+    if region is None:
+        return None
+    length = frames * _STEP * eyes
+    route = _route(region, voxels, length, np.random.default_rng(seed))
+    if route is None:
+        return None
+    line = _smooth(voxels.centres(route), voxels, region.room, eyes)
+    way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+    if way[-1] < min(2 * eyes, length / 2):
+        return None
+    stops = np.linspace(0, min(way[-1], length), frames)
+    positions = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
+    return _looking_ahead(model, positions, eyes)
+
+
+def _region(model: ShownModel, voxels: Voxels, eyes: float) -> _Region | None:
+    """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
+    store, occupied = model.store, voxels.occupied
+    up = AXES[store.manifest.model.up]
+    eye = eyes / voxels.size
+    room = clearance(occupied)
+    below = free_run(occupied, up, -1)
+    walkable = (below >= 0.6 * eye - 1) & (below <= 1.4 * eye) & (room >= 1.5)
+    places = np.argwhere(walkable)
+    if len(places) and store.cells["computed"].any():
+        computed = store.cell_at(voxels.centres(places)) >= 0
+        if computed.any():
+            places = places[computed]
+    if not len(places):
+        return None
+    around = enclosure(occupied, voxels.facing, places, _horizontal(up))
+    at = tuple(places.T)
+    above = free_run(occupied, up, 1)[at] >= 0
+    interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)
+    off_height = np.abs(below[at] + 0.5 - eye) / eye
+    tight = np.maximum(1 - room[at] / (0.7 * eye), 0) ** 2 + 0.3 / np.maximum(room[at] - 0.5, 0.25)
+    cost = np.full(occupied.shape, np.inf, np.float32)
+    cost[at] = 1 + 3 * off_height + 6 * tight + 4 * (1 - interest)
+    flat = np.ravel_multi_index(at, occupied.shape).astype(np.int64)
+    best: NDArray[np.bool_] | None = None
+    left = np.ones(len(flat), np.bool_)
+    best_score = 0.0
+    while left.any():
+        start = int(np.flatnonzero(left)[np.argmax(interest[left])])
+        total, _ = cheapest_ways(cost, int(flat[start]))
+        reached = left & np.isfinite(total[flat])
+        left &= ~reached
+        score = float(interest[reached].sum())
+        if score > best_score:
+            best, best_score = reached, score
+        if best_score >= float(interest[left].sum()):
+            break
+    if best is None:
+        return None
+    inside = np.full(occupied.shape, np.inf, np.float32)
+    kept = tuple(places[best].T)
+    inside[kept] = cost[kept]
+    return _Region(places[best], flat[best], interest[best], inside, room)
+
+
+def _horizontal(up: int) -> NDArray[np.float64]:
+    """Sixteen unit directions (16, 3) across the up axis."""
+    angles = np.arange(16) * (2 * math.pi / 16) + 0.1
+    directions = np.zeros((16, 3))
+    directions[:, (up + 1) % 3] = np.cos(angles)
+    directions[:, (up + 2) % 3] = np.sin(angles)
+    return directions
+
+
+def _route(region: _Region, voxels: Voxels, length: float, random: np.random.Generator) -> NDArray[np.int64] | None:
+    """Voxels (n, 3) along a way of at least `length` model units through places far apart, if the region has one."""
+    attraction = region.interest.astype(np.float64) * (0.85 + 0.3 * random.random(len(region.flat)))
+    attraction *= np.minimum(region.room.ravel()[region.flat], 5) / 5
+    here = int(region.flat[np.argmax(attraction)])
+    visited = np.full(len(region.flat), np.inf)
+    pieces: list[NDArray[np.int64]] = []
+    travelled = 0.0
+    for _ in range(24):
+        total, before = cheapest_ways(region.cost, here)
+        ways = total[region.flat].astype(np.float64)
+        visited = np.minimum(visited, ways)
+        usable = np.isfinite(ways)
+        # Far from all that was seen, attractive, but not at the other end of the world if the tour is short.
+        reach = max(2 * length / voxels.size, 8)
+        score = np.where(usable, np.minimum(visited, reach) * attraction / (1 + ways / (2 * reach)), -1)
+        goal = int(region.flat[np.argmax(score)])
+        if goal == here:
+            break
+        piece = [goal]
+        while piece[-1] != here:
+            piece.append(int(before[piece[-1]]))
+        line = np.stack(np.unravel_index(np.array(piece[::-1]), region.cost.shape), axis=1).astype(np.int64)
+        pieces.append(line if not pieces else line[1:])
+        travelled += float(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)).sum()) * voxels.size
+        here = goal
+        if travelled >= 1.15 * length:  # smoothing shortens it
+            break
+    return np.concatenate(pieces) if pieces else None
+
+
+def _smooth(line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32], eyes: float) -> NDArray[np.float64]:
+    """The line (n, 3) with its corners rounded, as far as it stays at least a voxel and a half off every surface."""
+    way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+    count = max(int(way[-1] / (0.5 * voxels.size)), 2) + 1
+    stops = np.linspace(0, way[-1], count)
+    points = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
+    sigma = 0.6 * eyes / (0.5 * voxels.size)
+    for _ in range(8):
+        smoother = _blurred(points, sigma / 3)
+        voxel = np.floor((smoother - voxels.lo) / voxels.size).astype(np.int64)
+        voxel = np.clip(voxel, 0, np.array(room.shape) - 1)
+        safe = np.where(room[tuple(voxel.T)] >= 1.5, 1.0, 0.0)
+        share = np.minimum(_eroded(safe, 2), 1)[:, None]
+        points = smoother * share + points * (1 - share)
+    return points
+
+
+def _blurred(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Values (n, k) averaged along n with a Gaussian of `sigma` steps; the ends stay."""
+    reach = max(1, min(int(3 * sigma), len(values) - 1))
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2)
+    weights /= weights.sum()
+    before = 2 * values[0] - values[reach:0:-1]
+    after = 2 * values[-1] - values[-2 : -reach - 2 : -1]
+    padded = np.concatenate([before, values, after])
+    return np.stack([np.convolve(padded[:, k], weights, mode="valid") for k in range(values.shape[1])], axis=1)
+
+
+def _eroded(values: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """The smallest of each value (n,) and its neighbours up to `steps` away."""
+    padded = np.pad(values, steps, mode="edge")
+    return np.min([padded[k : k + len(values)] for k in range(2 * steps + 1)], axis=0)
+
+
+def _looking_ahead(model: ShownModel, positions: NDArray[np.float64], eyes: float) -> CameraPath:
+    """Poses that look along the motion, a little ahead, turning smoothly and never far up or down."""
+    up_name = model.store.manifest.model.up
+    up = up_vector(up_name)
+    step = max(float(np.sqrt(((positions[1] - positions[0]) ** 2).sum())), 1e-12)
+    ahead = max(2, round(1.5 * eyes / step))
+    beyond = positions[-1] + (positions[-1] - positions[-2]) / step * eyes * np.linspace(0.2, 2, 10)[:, None]
+    line = np.concatenate([positions, beyond])
+    targets = line[np.minimum(np.arange(len(positions)) + ahead, len(line) - 1)]
+    yaws, pitches = np.transpose([direction_yaw_pitch(d, up_name) for d in targets - positions])
+    angles = np.stack([np.unwrap(yaws), np.clip(pitches, -0.5, 0.5) * 0.6 - 0.04], axis=1)
+    angles = _blurred(angles, max(1.0, min(0.5 * ahead, len(positions) / 6)))
+    orientations = [looking(yaw_pitch_direction(float(yaw), float(pitch), up_name), up) for yaw, pitch in angles]
+    return CameraPath(np.arange(len(positions)) / FRAMES_PER_SECOND, positions, np.array(orientations))

@@ -123,7 +123,9 @@ class Texture:
         """The image and its halvings, colours weighted by alpha."""
         levels = [self.pixels]
         current = self.pixels.astype(np.float32)
-        current[..., :3] *= current[..., 3:] / np.float32(255)
+        opaque = self.alpha.opaque  # all weights are 1 then
+        if not opaque:
+            current[..., :3] *= current[..., 3:] / np.float32(255)
         while max(current.shape[:2]) > 1:
             rows, columns = (max(size // 2, 1) for size in current.shape[:2])
             down = min(current.shape[0], 2)
@@ -133,6 +135,9 @@ class Texture:
                 for j in range(right):
                     total += current[i : i + rows * down : down, j : j + columns * right : right]
             current = (total / np.float32(down * right)).astype(np.float32)
+            if opaque:
+                levels.append(np.rint(current).astype(np.uint8))
+                continue
             alpha = np.maximum(current[..., 3:] / np.float32(255), np.float32(1e-6))
             plain = np.concatenate([np.minimum(current[..., :3] / alpha, 255), current[..., 3:]], axis=2)
             levels.append(np.rint(plain).astype(np.uint8))

@@ -35,6 +35,9 @@ _MOST_PARTS = 16
 #: Triangles of a mesh that are looked at before all are.
 _SAMPLES = 16
 
+#: The same in all, where a model has so many parts that fewer of each must do; and parts that are placed at once.
+_MOST_SAMPLES, _BATCH = 1 << 16, 1 << 12
+
 #: What more than this share of the triangles reach stays in any case.
 _BULK = 1 - _LARGEST_SHARE
 
@@ -73,15 +76,10 @@ def without_far(meshes: Sequence[MeshView], parts: list[Part], shapes: Sequence[
     `shapes` are the meshes'. They are read only if their shapes show that something may go. A mesh that is placed
     several times loses the triangles that are far out wherever it is placed.
     """
-    placed = [(transform_points(part.matrix, shapes[part.mesh].middles), shapes[part.mesh].triangles) for part in parts]
-    middles = np.concatenate([points for points, _ in placed])
-    weights = np.concatenate([np.full(len(points), triangles / len(points)) for points, triangles in placed])
+    middles, weights = _middles(parts, shapes)
     centre = np.array([_quantile(middles[:, axis], weights, 0.5) for axis in range(3)])
     bulk = _quantile(np.abs(middles - centre).max(axis=1), weights, _BULK)
-    lo, hi = (np.stack([shapes[part.mesh][side] for part in parts]) for side in range(2))
-    corners = np.where(_CORNERS, hi[:, None], lo[:, None])
-    placed_corners = transform_points(np.stack([part.matrix for part in parts])[:, None], corners)
-    reach = np.abs(placed_corners - centre).max(axis=(1, 2))
+    reach = _reach(parts, shapes, centre)
     if float(reach.max()) < FINER * bulk:
         return Near(meshes, parts)
 
@@ -115,6 +113,31 @@ def without_far(meshes: Sequence[MeshView], parts: list[Part], shapes: Sequence[
     trimmed = {mesh: keep for mesh, keep in kept.items() if not keep.all()}
     stay = [part for number, part in enumerate(parts) if number not in gone]
     return Near(_Trimmed(meshes, trimmed) if trimmed else meshes, stay)
+
+
+def _middles(parts: list[Part], shapes: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (n, 3) of some triangles of each part where they are placed, and how many triangles each stands for."""
+    each = max(min(_SAMPLES, _MOST_SAMPLES // len(parts)), 1)
+    middles = np.empty((len(parts), each, 3))
+    for start in range(0, len(parts), _BATCH):
+        some = parts[start : start + _BATCH]
+        own = [shapes[part.mesh].middles for part in some]
+        points = np.stack([found[np.arange(each) * len(found) // each] for found in own])
+        middles[start : start + _BATCH] = transform_points(np.stack([part.matrix for part in some])[:, None], points)
+    counts = np.array([shapes[part.mesh].triangles for part in parts], np.float64)
+    return middles.reshape(-1, 3), np.repeat(counts / each, each)
+
+
+def _reach(parts: list[Part], shapes: Sequence[Shape], centre: np.ndarray) -> np.ndarray:
+    """The distance (parts,) of each part's farthest box corner from `centre`."""
+    reach = np.empty(len(parts))
+    for start in range(0, len(parts), _BATCH):
+        some = parts[start : start + _BATCH]
+        lo, hi = (np.stack([shapes[part.mesh][side] for part in some]) for side in range(2))
+        corners = np.where(_CORNERS, hi[:, None], lo[:, None])
+        placed = transform_points(np.stack([part.matrix for part in some])[:, None], corners)
+        reach[start : start + _BATCH] = np.abs(placed - centre).max(axis=(1, 2))
+    return reach
 
 
 def _limit(farthest: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import click
 import pytest
 
 from jobs import commands as jobs_commands
-from jobs.importing.formats.gltf_file import TEXTURES_KEPT
+from jobs.importing.formats.gltf.textures import TEXTURES_KEPT
 from jobs.running.memory import PROCESS, TASK_MEMORY
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
 from storage.base.amounts import format_size, parse_size

@@ -9,10 +9,11 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from jobs.importing.far import Shape, shape_of
 from jobs.importing.keeping.saved import MeshView, Part
 from jobs.importing.reading.defects import Defect, Tally
 from jobs.importing.reading.source_scene import SourceScene, compose
@@ -82,7 +83,8 @@ class Joined(NamedTuple):
     parts: list[Part]  # of the meshes, counted in the order in which they were handed on
     up: str  # "x", "y" or "z"
     unit_in_metres: float
-    report: dict[str, dict[str, Any]]  # of what was repaired
+    shapes: list[Shape]  # of the meshes
+    tally: Tally  # of what was repaired
 
 
 def join_scenes(
@@ -117,7 +119,7 @@ def join_scenes(
             joined.add(scene, frame, prefix)
     if not joined.parts:
         raise ModelError(f"{_inputs(files)}: no triangle is left to draw{_losses(joined.tally)}; check the export")
-    return Joined(joined.parts, axis, unit, joined.tally.report())
+    return Joined(joined.parts, axis, unit, joined.shapes, joined.tally)
 
 
 class _Joining:
@@ -127,7 +129,7 @@ class _Joining:
         self.parts: list[Part] = []
         self.tally = Tally()
         self._take = take
-        self._meshes = 0
+        self.shapes: list[Shape] = []
 
     def add(self, scene: SourceScene, frame: np.ndarray, prefix: str) -> None:
         """Takes a scene under a (3, 4) matrix; the names of its parts are prefixed."""
@@ -142,15 +144,16 @@ class _Joining:
                 continue
             nodes = [scene.nodes[number] for number in users[index]]
             matrices = [node.matrix if frame is IDENTITY else compose(frame, node.matrix) for node in nodes]
-            flaws = _flaws(np.stack(matrices), mesh.positions.min(axis=0), mesh.positions.max(axis=0))
+            shape = shape_of(mesh)
+            flaws = _flaws(np.stack(matrices), shape.lo, shape.hi)
             misplaced, flat = (flaw.tolist() for flaw in flaws)
             for at, (number, node) in enumerate(zip(users[index], nodes, strict=True)):
                 if misplaced[at] or flat[at]:
                     self.tally.add(Defect.MISPLACED if misplaced[at] else Defect.SINGULAR, prefix + node.name)
                 else:
-                    placed[number] = Part(self._meshes, prefix + node.name, matrices[at])
+                    placed[number] = Part(len(self.shapes), prefix + node.name, matrices[at])
             self._take(mesh)
-            self._meshes += 1
+            self.shapes.append(shape)
         self.parts.extend(placed[number] for number in sorted(placed))
 
     def _repaired(self, scene: SourceScene, index: int, users: Sequence[int], prefix: str) -> MeshView | None:

@@ -106,6 +106,7 @@ class ImportOptions:
 
     units: str | float | None = None  # a unit ("mm", "m", "in", ...) or metres per unit; None: what the first file says
     up: str | None = None  # axis that points up, "x", "y" or "z"; None: what the first file says
+    keep_far: bool = False  # also what lies absurdly far from nearly all else, at the cost of precision
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,7 @@ def import_model(
     format that is read whole (see `jobs.importing.read`); meshes that are done wait in a folder beside `out`. Raises
     ModelError, with one line that names the file, for what cannot be used.
     """
+    from jobs.importing.far import Near, without_far
     from jobs.importing.join import join_scenes
     from jobs.importing.keeping.spool import Spool
     from jobs.importing.read import find_files, read_scene
@@ -186,11 +188,13 @@ def import_model(
         with Spool(folder) as meshes:
             joined = join_scenes([file for file, _ in files], scenes(), options.units, options.up, meshes.add)
             tell(len(files), len(files) + 1)
-            write_model(
-                out, meshes, joined.parts, up=joined.up, unit_in_metres=joined.unit_in_metres, report=joined.report
-            )
+            near = Near(meshes, joined.parts)
+            if not options.keep_far:
+                near = without_far(meshes, joined.parts, joined.shapes, joined.tally)
+            report = joined.tally.report()
+            write_model(out, near.meshes, near.parts, up=joined.up, unit_in_metres=joined.unit_in_metres, report=report)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     tell(len(files) + 1, len(files) + 1)
     model = open_model(out)
-    return ImportReport(len(files), len(model.meshes), len(model.parts), model.triangle_count, joined.report)
+    return ImportReport(len(files), len(model.meshes), len(model.parts), model.triangle_count, report)

@@ -1,16 +1,22 @@
 """Reader of COLLADA files (.dae).
 
 A part is a geometry placed by a node; a geometry that is placed several times with the same materials is one mesh with
-several placements. The primitives of a geometry are concatenated in the file's order, their polygons split into fans of
-triangles from the first corner: face numbers count those triangles. Skins and animations are left at rest.
+several placements. The primitives of a geometry are concatenated in the file's order, their polygons split into
+triangles: face numbers count those triangles. Skins and morphs are read in the pose that the file is saved in;
+animations are left aside.
+
+Opacity is what <transparent> and <transparency> make of it in the mode of `opaque`, by colours or by a texture; an
+opacity of exactly 0 is read as 1, since exporters that mean opaque by it are common, and nobody exports what cannot be
+seen. The alpha of <diffuse> says nothing, but that of its texture counts where <transparent> names no other.
 
 Read here and not by trimesh or pycollada, which hold positions and matrices in float32, replace NaN by 0, refuse a
 whole geometry for one index out of range, and copy instances.
+
+Based on: COLLADA, Digital Asset Schema Release 1.4.1; Release 1.5.0 for the modes A_ZERO and RGB_ONE.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -20,22 +26,25 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from jobs.importing.formats.dae_controllers import Pose, Poses
+from jobs.importing.formats.dae_transforms import local_matrix, placed
 from jobs.importing.formats.format import Format
+from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import fan, unify
 from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.faces.corners import strips, unify
+from jobs.importing.reading.faces.polygons import triangulate
 from jobs.importing.reading.needs import TEXT, image_needs
-from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
-from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, compose
+from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import floats_of
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, tint, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
 
 Element = ElementTree.Element
 
-#: Nodes within nodes that are followed, and placements in all: files that instance themselves stop here.
-_DEEPEST = 200
+#: Nodes in all, each counted as often as it is instanced: files that multiply themselves stop here.
 _MOST_NODES = 5_000_000
 
 _POLYGONS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
@@ -48,8 +57,8 @@ _IMAGE = re.compile(rb"<init_from>\s*(?:<ref>)?\s*([^<]+?)\s*<")
 
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a COLLADA file. Raises ModelError, or what the XML parser raises on damaged content."""
-    data = whole(content)
-    if b"<!ENTITY" in data:
+    data = whole(content).strip(b"\0 \t\r\n")
+    if any("<!ENTITY".encode(encoding) in data for encoding in ("utf-8", "utf-16-le", "utf-16-be")):
         raise ModelError(f"{file}: declares XML entities, which no COLLADA file needs; export the model again")
     document = _Document(file, _parse(file, data), resources)
     meshes, nodes = document.placements()
@@ -58,7 +67,10 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
 
 
 def _sniff(content: Content) -> bool:
-    head = content.part(0, 4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    head = content.part(0, 4096)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        head = head.decode("utf-16", "ignore").encode()
+    head = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     return head.startswith(b"<") and b"<COLLADA" in head
 
 
@@ -90,7 +102,8 @@ class _Surface:
 
     colour: np.ndarray  # (4,) uint8
     texture: Texture | None
-    missing: bool  # a texture is named but not there
+    opacity: Texture | None  # by its alpha
+    missing: int  # textures that are named but not there
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +114,17 @@ class _Input:
     offset: int
     set: int
     values: np.ndarray  # (n, width)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A geometry in the scene."""
+
+    instance: Element  # with the materials that are bound
+    geometry: Element | None  # None: it names none
+    name: str  # of the node that bears it
+    matrix: np.ndarray | None  # (3, 4) of the mesh, or of its pose; None: it cannot be read
+    pose: Pose | None
 
 
 @dataclass(eq=False)
@@ -115,6 +139,8 @@ class _Document:
         self._sources: dict[str, np.ndarray] = {}
         self._surfaces: dict[str, _Surface | None] = {}
         self._textures: dict[str, Texture | None] = {}
+        self._opacities: dict[tuple[str, str], Texture] = {}
+        self._poses = Poses(self.root, self._named, self._source)
 
     def frame(self) -> tuple[float, str]:
         """Metres per unit and up axis; COLLADA's own defaults are metres and y."""
@@ -131,24 +157,28 @@ class _Document:
     def placements(self) -> tuple[list[SourceMesh], list[SourceNode]]:
         """All meshes, and their placements in the scene, depth first."""
         meshes: list[SourceMesh] = []
-        known: dict[tuple[str, tuple[tuple[str, str], ...]], int | None] = {}
+        known: dict[tuple[str, str, tuple[tuple[str, str], ...]], int | None] = {}
         nodes = []
-        for instance, name, matrix in self._instances():
-            geometry = self._named(instance.get("url"), "geometry")
-            if geometry is None:
-                self.tally.add(Defect.BROKEN, name)
+        for shown in self._instances():
+            if shown.geometry is None:
+                self.tally.add(Defect.BROKEN, shown.name)
                 continue
-            bound = {m.get("symbol", ""): m.get("target", "") for m in instance.iter("instance_material")}
-            key = (geometry.get("id", ""), tuple(sorted(bound.items())))
-            label = geometry.get("name") or geometry.get("id") or "geometry"
+            label = shown.geometry.get("name") or shown.geometry.get("id") or "geometry"
+            name = f"{shown.name}/{label}" if shown.name else label
+            if shown.matrix is None:
+                self.tally.add(Defect.TRANSFORM, name)
+                continue
+            bound = {m.get("symbol", ""): m.get("target", "") for m in shown.instance.iter("instance_material")}
+            posed = "" if shown.pose is None else shown.pose.key
+            key = (shown.geometry.get("id", ""), posed, tuple(sorted(bound.items())))
             if key not in known:
-                mesh = self._mesh(geometry, label, bound)
+                mesh = self._mesh(shown.geometry, label, bound, shown.pose)
                 known[key] = None if mesh is None else len(meshes)
                 if mesh is not None:
                     meshes.append(mesh)
             number = known[key]
             if number is not None:
-                nodes.append(SourceNode(number, f"{name}/{label}" if name else label, matrix))
+                nodes.append(SourceNode(number, name, shown.matrix))
         return meshes, nodes
 
     def _named(self, url: str | None, *tags: str) -> Element | None:
@@ -156,27 +186,41 @@ class _Document:
         element = self._ids.get((url or "").removeprefix("#"))
         return element if element is not None and element.tag in tags else None
 
-    def _instances(self) -> Iterator[tuple[Element, str, np.ndarray]]:
-        """(instance_geometry, node's name, matrix) of everything in the scene."""
+    def _instances(self) -> Iterator[_Shown]:
+        """Everything in the scene, depth first."""
         instance = self.root.find("scene/instance_visual_scene")
         scene = self._named(instance.get("url"), "visual_scene") if instance is not None else None
         if scene is None:
             scene = self.root.find("library_visual_scenes/visual_scene")
         if scene is None:
             return
-        stack = [(node, IDENTITY, 0) for node in reversed(scene.findall("node"))]
+        locals_: dict[Element, np.ndarray | None] = {}
+        entered: set[Element] = set()  # the nodes above
+        stack: list[tuple[Element, np.ndarray | None, bool]] = [
+            (node, IDENTITY, False) for node in reversed(scene.findall("node"))
+        ]
         seen = 0
         while stack:
-            node, parent, depth = stack.pop()
-            seen += 1
+            node, parent, left = stack.pop()
+            if left:
+                entered.remove(node)
+                continue
             name = node.get("name") or node.get("id") or ""
-            if depth > _DEEPEST or seen > _MOST_NODES:
-                raise ModelError(f"{self.file}: node {name!r} seems to contain itself; export the model again")
-            matrix = self._matrix(node, parent, name)
+            seen += 1
+            if seen > _MOST_NODES:
+                raise ModelError(
+                    f"{self.file}: more than {_MOST_NODES} nodes, as often as they are instanced; export it in parts"
+                )
+            if node in entered:
+                raise ModelError(f"{self.file}: node {name!r} cannot contain itself; export the model again")
+            if node not in locals_:
+                locals_[node] = local_matrix(node)
+            own = locals_[node]
+            matrix = None if parent is None or own is None else placed(parent, own)
             for child in node.findall("instance_geometry"):
-                yield child, name, matrix
+                yield _Shown(child, self._named(child.get("url"), "geometry"), name, matrix, None)
             for child in node.findall("instance_controller"):
-                yield from self._controlled(child, name, matrix)
+                yield self._controlled(child, name, matrix)
             children = node.findall("node")
             for child in node.findall("instance_node"):
                 target = self._named(child.get("url"), "node")
@@ -184,35 +228,20 @@ class _Document:
                     self.tally.add(Defect.BROKEN, name)
                 else:
                     children.append(target)
-            stack.extend((child, matrix, depth + 1) for child in reversed(children))
+            if children:
+                entered.add(node)
+                stack.append((node, None, True))
+                stack.extend((child, matrix, False) for child in reversed(children))
 
-    def _controlled(
-        self, instance: Element, name: str, matrix: np.ndarray
-    ) -> Iterator[tuple[Element, str, np.ndarray]]:
-        """A skinned geometry, where its skin was bound."""
-        controller = self._named(instance.get("url"), "controller")
-        skin = controller.find("skin") if controller is not None else None
-        if skin is None:
+    def _controlled(self, instance: Element, name: str, matrix: np.ndarray | None) -> _Shown:
+        """A geometry in the pose of its skin and morph; at rest where that cannot be made out."""
+        geometry, pose = self._poses.geometry(instance), self._poses.pose(instance)
+        if geometry is not None and pose is None:
             self.tally.add(Defect.UNSUPPORTED, name)
-            return
-        shape = floats_of(skin.findtext("bind_shape_matrix") or "")
-        copy = ElementTree.Element("instance_geometry", {"url": skin.get("source", "")})
-        copy.extend(instance)
-        yield copy, name, compose(matrix, shape.reshape(4, 4)[:3]) if len(shape) == 16 else matrix
-
-    def _matrix(self, node: Element, parent: np.ndarray, name: str) -> np.ndarray:
-        """The product of a node's transforms, after its parent's."""
-        matrix = parent
-        for element in node:
-            if element.tag not in ("matrix", "translate", "rotate", "scale", "lookat", "skew"):
-                continue
-            values = floats_of(element.text or "")
-            local = _transform(element.tag, values)
-            if local is None:
-                self.tally.add(Defect.UNSUPPORTED if element.tag in ("lookat", "skew") else Defect.BROKEN, name)
-            elif not np.array_equal(local, IDENTITY):
-                matrix = local if matrix is IDENTITY else compose(matrix, local)
-        return matrix
+            matrix = None if matrix is None else placed(matrix, self._poses.bind_shape(instance))
+        elif pose is not None and pose.matrices is not None:
+            matrix = IDENTITY
+        return _Shown(instance, geometry, name, matrix, pose)
 
     def _source(self, url: str | None) -> np.ndarray | None:
         """A source's values (count, width) float64."""
@@ -245,7 +274,7 @@ class _Document:
                     found.append(_Input(entry.get("semantic", ""), offset, number, values))
         return found
 
-    def _mesh(self, geometry: Element, name: str, bound: dict[str, str]) -> SourceMesh | None:
+    def _mesh(self, geometry: Element, name: str, bound: dict[str, str], pose: Pose | None) -> SourceMesh | None:
         """A geometry with its materials, None if it has no triangles."""
         mesh = geometry.find("mesh")
         if mesh is None:
@@ -257,7 +286,7 @@ class _Document:
             if primitive.tag in _NOT_TRIANGLES:
                 defects[Defect.NOT_TRIANGLES] = defects.get(Defect.NOT_TRIANGLES, 0) + 1
             elif primitive.tag in _POLYGONS:
-                piece = self._piece(primitive, name, bound, defects)
+                piece = self._piece(primitive, name, bound, pose, defects)
                 if piece is not None:
                     pieces.append(piece)
         if not pieces:
@@ -280,7 +309,7 @@ class _Document:
         )
 
     def _piece(
-        self, primitive: Element, name: str, bound: dict[str, str], defects: dict[Defect, int]
+        self, primitive: Element, name: str, bound: dict[str, str], pose: Pose | None, defects: dict[Defect, int]
     ) -> SourceMesh | None:
         """One primitive, with every colour set."""
         inputs = self._inputs(primitive)
@@ -289,7 +318,7 @@ class _Document:
         if position is None or width > 64:
             defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
             return None
-        numbers, triangles = _corners(primitive, width, defects)
+        numbers, triangles = _corners(primitive, width, position, defects)
         if not len(triangles):
             return None
         corners = numbers[triangles.reshape(-1)]
@@ -307,16 +336,20 @@ class _Document:
         if primitive.get("material") and surface is None:
             defects[Defect.NO_MATERIAL] = defects.get(Defect.NO_MATERIAL, 0) + 1
         if surface is not None and surface.missing:
-            defects[Defect.NO_TEXTURE] = defects.get(Defect.NO_TEXTURE, 0) + 1
-        image = surface.texture if surface is not None else None
-        place = sets[0] if sets and image is not None else None
+            defects[Defect.NO_TEXTURE] = defects.get(Defect.NO_TEXTURE, 0) + surface.missing
+        image, opacity = (surface.texture, surface.opacity) if surface is not None else (None, None)
+        place = sets[0] if sets and (image is not None or opacity is not None) else None
         columns = [index(entry) for entry in (position, normal, paint, place)]
         kept, vertex = unify(np.stack(columns, axis=1))
-        at, facing, painted, placed = (column[kept] for column in columns)
+        at, facing, painted, lying = (column[kept] for column in columns)
         faces = np.where(columns[0] >= 0, vertex, -1).reshape(-1, 3)
         piece = SourceMesh(name, _taken(position.values[:, :3], at), faces)
         if normal is not None:
             piece.normals = _taken(normal.values, facing)
+        if pose is not None:
+            pose.move(piece.positions, piece.normals, at)
+            if pose.mirrors:
+                piece.triangles = faces = faces[:, ::-1]
         colours = np.empty((len(kept), 4), np.uint8)
         colours[:] = DEFAULT_COLOUR if surface is None else surface.colour
         if paint is not None:
@@ -324,13 +357,23 @@ class _Document:
             bad = ~np.isfinite(values).all(axis=1)
             defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + int(bad.sum())
             good = ~bad & (painted >= 0)
+            if values.shape[1] == 4 and not (values[good, 3] > 0).any():
+                values = values[:, :3]  # an alpha of 0 everywhere says nothing
+            thin = colours[:, 3].copy()
             colours[good] = to_colours(values[good])
-        if place is not None and image is not None:
-            places = _taken(place.values[:, :2], placed)
+            colours[:, 3] = tint(colours[:, 3], thin)
+        alphas = Alphas()
+        if place is not None:
+            places = _taken(place.values[:, :2], lying)
             places[:, 1] = 1 - places[:, 1]
-            sampled = image.sample(places, faces[(faces >= 0).all(axis=1)])
-            colours[placed >= 0] = tint(sampled, colours)[placed >= 0]
+            inside, has = (faces >= 0).all(axis=1), lying >= 0
+            if image is not None:
+                sampled = image.sample(places, faces[inside])
+                colours[has, :3] = tint(sampled[has, :3], colours[has, :3])
+            if opacity is not None:
+                alphas.take(inside & has[faces].all(axis=1), opacity.alpha, places, faces)
         piece.colours = colours
+        alphas.blend(piece)
         for defect in [defect for defect, count in defects.items() if not count]:
             del defects[defect]
         return piece
@@ -347,24 +390,43 @@ class _Document:
         """An effect's diffuse colour or texture, and its opacity."""
         shader = next((e for e in effect.iter() if e.tag in _SHADERS), None)
         parameters = {e.get("sid", ""): e for e in effect.iter("newparam")}
-        colour, image, missing = np.array([0.8, 0.8, 0.8, 1.0]), None, False
+        colour, image, missing = np.array([0.8, 0.8, 0.8, 1.0]), None, 0
         if shader is None:
-            return _Surface(to_colours(colour[None])[0], None, False)
+            return _Surface(to_colours(colour[None])[0], None, None, 0)
         diffuse = shader.find("diffuse" if shader.tag != "constant" else "emission")
         if diffuse is not None:
             values = floats_of(diffuse.findtext("color") or "")
             sampler = diffuse.find("texture")
-            if len(values) >= 3 and np.isfinite(values).all():
-                colour[: len(values[:4])] = values[:4]
+            if len(values) >= 3 and np.isfinite(values[:3]).all():
+                colour[:3] = values[:3]
             if sampler is not None:
                 colour[:] = 1
-                image = self._image(sampler.get("texture", ""), parameters)
-                missing = image is None
-        colour[3] *= _opacity(shader)
-        return _Surface(to_colours(colour[None])[0], image, missing)
+                image = self._image(sampler.get("texture", ""), parameters)[1]
+                missing += image is None
+        opacity = image
+        colour[3] = _opacity(shader)
+        sampler = shader.find("transparent/texture")
+        if sampler is not None:
+            path, cover = self._image(sampler.get("texture", ""), parameters)
+            missing += cover is None
+            opacity = image if cover is None else self._cover(path, cover, _mode(shader), _amount(shader))
+        return _Surface(to_colours(colour[None])[0], image, opacity, missing)
 
-    def _image(self, sid: str, parameters: dict[str, Element]) -> Texture | None:
-        """The image that a sampler leads to."""
+    def _cover(self, path: str, image: Texture, mode: str, amount: float) -> Texture:
+        """An image with the opacity as alpha that a <transparent> texture stands for."""
+        key = (path, f"{mode} {amount!r}")
+        if key not in self._opacities:
+            pixels = image.pixels.copy()
+            share = pixels[..., 3] / np.float64(255)
+            if mode.startswith("RGB"):
+                share = _luminance(*(pixels[..., k] / np.float64(255) for k in range(3)))
+            alpha = 1 - share * amount if mode.endswith("ZERO") else share * amount
+            pixels[..., 3] = np.rint(np.clip(alpha, 0, 1) * 255).astype(np.uint8)
+            self._opacities[key] = Texture(pixels)
+        return self._opacities[key]
+
+    def _image(self, sid: str, parameters: dict[str, Element]) -> tuple[str, Texture | None]:
+        """The image that a sampler leads to: its path, and itself."""
         for _ in range(3):  # sampler, surface, image
             parameter = parameters.get(sid)
             if parameter is None:
@@ -374,17 +436,19 @@ class _Document:
             sid = (instance.get("url", "") if instance is not None else step or "").strip().removeprefix("#")
         image = self._named(sid, "image")
         if image is None:
-            return None
+            return "", None
         path = (image.findtext("init_from") or image.findtext("init_from/ref") or "").strip()
         path = path or (image.findtext("init_from/ref") or "").strip()
         if path not in self._textures:
             self._textures[path] = Texture.decode(self.resources.read(path.removeprefix("file://")))
-        return self._textures[path]
+        return path, self._textures[path]
 
 
-def _corners(primitive: Element, width: int, defects: dict[Defect, int]) -> tuple[np.ndarray, np.ndarray]:
+def _corners(
+    primitive: Element, width: int, position: _Input, defects: dict[Defect, int]
+) -> tuple[np.ndarray, np.ndarray]:
     """All corners' numbers (c, width), and the triangles (m, 3) between those corners."""
-    lists = [_whole(p.text or "") for p in primitive.iter("p")]
+    lists, holes = _lists(primitive)
     if any(len(values) % width for values in lists):
         defects[Defect.BROKEN] = defects.get(Defect.BROKEN, 0) + 1
     lists = [values[: len(values) // width * width] for values in lists]
@@ -393,9 +457,7 @@ def _corners(primitive: Element, width: int, defects: dict[Defect, int]) -> tupl
     if primitive.tag == "triangles":
         return numbers, np.arange(len(numbers) // 3 * 3).reshape(-1, 3)
     if primitive.tag == "tristrips":
-        starts = np.cumsum(sizes) - sizes
-        strips = [_strip(size) + start for size, start in zip(sizes.tolist(), starts.tolist(), strict=True)]
-        return numbers, np.concatenate([np.empty((0, 3), np.int64), *strips])
+        return numbers, strips(np.cumsum(sizes) - sizes, sizes)
     if primitive.tag == "polylist":
         sizes = np.maximum(_whole(primitive.findtext("vcount") or ""), 0)
         whole = int(np.searchsorted(np.cumsum(sizes), len(numbers), side="right"))
@@ -405,13 +467,30 @@ def _corners(primitive: Element, width: int, defects: dict[Defect, int]) -> tupl
     short = int(np.count_nonzero(sizes < 3))
     if short:
         defects[Defect.POLYGON] = defects.get(Defect.POLYGON, 0) + short
-    return numbers, fan(sizes)
+    cut = triangulate(
+        np.ascontiguousarray(position.values[:, :3]),
+        numbers[: int(sizes.sum()), position.offset],
+        sizes,
+        holes if primitive.tag == "polygons" else {},
+        fans=primitive.tag == "trifans",
+    )
+    if cut.crossing:
+        defects[Defect.CROSSING] = defects.get(Defect.CROSSING, 0) + cut.crossing
+    return numbers, cut.corners
 
 
-def _strip(size: int) -> np.ndarray:
-    number = np.arange(max(size - 2, 0), dtype=np.int64)
-    odd = number % 2
-    return np.stack([number, number + 1 + odd, number + 2 - odd], axis=1)
+def _lists(primitive: Element) -> tuple[list[np.ndarray], dict[int, int]]:
+    """A primitive's lists of numbers in their order; and how many that follow are holes in one, by its number."""
+    lists: list[np.ndarray] = []
+    holes: dict[int, int] = {}
+    for child in primitive:
+        if child.tag == "p":
+            lists.append(_whole(child.text or ""))
+        elif child.tag == "ph":
+            rings = [_whole(ring.text or "") for ring in child if ring.tag == "h"]
+            holes[len(lists)] = len(rings)
+            lists += [_whole(child.findtext("p") or ""), *rings]
+    return lists, holes
 
 
 def _whole(text: str) -> np.ndarray:
@@ -427,47 +506,32 @@ def _taken(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     return taken
 
 
-def _transform(tag: str, values: np.ndarray) -> np.ndarray | None:
-    """The (3, 4) matrix of a transform element, None if it is not understood."""
-    if tag == "matrix" and len(values) == 16:
-        return values.reshape(4, 4)[:3]
-    if tag == "translate" and len(values) == 3:
-        return np.column_stack([np.eye(3), values])
-    if tag == "scale" and len(values) == 3:
-        return np.column_stack([np.diag(values), np.zeros(3)])
-    if tag == "rotate" and len(values) == 4 and np.isfinite(values).all():
-        x, y, z, degrees = values.tolist()
-        length = math.sqrt(x * x + y * y + z * z)
-        if length == 0:
-            return IDENTITY
-        x, y, z = x / length, y / length, z / length
-        quarter = degrees / 90
-        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        if quarter == int(quarter):  # exact, so that boxes turned by quarters stay boxes
-            cosine, sine = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]
-        rest = 1 - cosine
-        return np.array(
-            [
-                [rest * x * x + cosine, rest * x * y - sine * z, rest * x * z + sine * y, 0.0],
-                [rest * x * y + sine * z, rest * y * y + cosine, rest * y * z - sine * x, 0.0],
-                [rest * x * z - sine * y, rest * y * z + sine * x, rest * z * z + cosine, 0.0],
-            ]
-        )
-    return None
+def _mode(shader: Element) -> str:
+    """What <transparent> means: A_ONE, A_ZERO, RGB_ONE or RGB_ZERO."""
+    transparent = shader.find("transparent")
+    mode = transparent.get("opaque", "A_ONE") if transparent is not None else "A_ONE"
+    return mode if mode in ("A_ONE", "A_ZERO", "RGB_ONE", "RGB_ZERO") else "A_ONE"
+
+
+def _amount(shader: Element) -> float:
+    """The factor of <transparency>."""
+    factor = floats_of(shader.findtext("transparency/float") or "1")
+    return float(factor[0]) if len(factor) and np.isfinite(factor[0]) else 1.0
+
+
+def _luminance(red: np.ndarray, green: np.ndarray, blue: np.ndarray) -> np.ndarray:
+    return (red * 0.212671 + green * 0.715160) + blue * 0.072169
 
 
 def _opacity(shader: Element) -> float:
-    """Opacity from 0 to 1. Exporters that write 0 for opaque are so common that 0 is taken for 1."""
-    transparent = shader.find("transparent")
-    factor = floats_of(shader.findtext("transparency/float") or "1")
-    amount = float(factor[0]) if len(factor) and np.isfinite(factor[0]) else 1.0
+    """Opacity from 0 to 1 by <transparent> as a colour, and <transparency>."""
+    transparent, amount, mode = shader.find("transparent"), _amount(shader), _mode(shader)
     colour = floats_of(transparent.findtext("color") or "") if transparent is not None else np.empty(0)
     if len(colour) < 3 or not np.isfinite(colour).all():
         return amount if transparent is None and 0 < amount <= 1 else 1.0
-    mode = transparent.get("opaque", "A_ONE") if transparent is not None else "A_ONE"
     share = float(colour[3]) if mode.startswith("A_") and len(colour) > 3 else 1.0
     if mode.startswith("RGB"):
-        share = float(colour[0] * 0.212671 + colour[1] * 0.715160 + colour[2] * 0.072169)
+        share = float(_luminance(*colour[:3]))
     opacity = 1 - share * amount if mode.endswith("ZERO") else share * amount
     return opacity if 0 < opacity <= 1 else 1.0
 

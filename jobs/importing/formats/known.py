@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jobs.importing.formats import dae_file, gltf_file, obj_file, off_file, ply_file, stl_file
+from jobs.importing.formats import dae_file, obj_file, off_file, ply_file, stl_file
 from jobs.importing.formats.format import Format
+from jobs.importing.formats.gltf import gltf_file
 from jobs.importing.reading.content import Content
 from storage.base.errors import ModelError
 

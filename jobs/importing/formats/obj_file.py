@@ -1,8 +1,9 @@
 """Reader of Wavefront OBJ files with their material libraries (.obj, .mtl).
 
 A part is a group: faces under the same `o` and `g` names, wherever they stand in the file; a file without either is one
-part. Faces of a part keep the file's order and are split into fans of triangles: a part's face numbers count those
-triangles. Vertices are split where position, texture coordinates, normal or material differ.
+part. Faces of a part keep the file's order and are split into triangles: a part's face numbers count those triangles.
+Vertices are split where position, texture coordinates, normal or material differ. Statements that draw something which
+is not read, and those that are not known, are counted by part.
 
 Read here and not by trimesh, which sorts faces by material, drops group names, resolves relative indices against the
 whole file, wraps or fails on indices out of range, and says nothing of missing libraries and textures. The file is read
@@ -21,14 +22,17 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.formats.format import Format
-from jobs.importing.formats.obj_materials import Material, named_textures, read_materials
+from jobs.importing.formats.obj_materials import Material, material_named, named_textures, read_materials
+from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content
-from jobs.importing.reading.corners import fan, unify
 from jobs.importing.reading.defects import Defect, Tally
+from jobs.importing.reading.faces.corners import unify
+from jobs.importing.reading.faces.polygons import triangulate
 from jobs.importing.reading.needs import image_needs
-from jobs.importing.reading.numbers import integers_of, rows_of, table_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene, UnreadMeshes
+from jobs.importing.reading.text.numbers import integers_of, rows_of, table_of
+from jobs.importing.reading.text.words import name_of, reference_of, without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, to_colours
 from storage.meshes.placement import IDENTITY
 
@@ -41,6 +45,19 @@ _MOST = (1 << 31) - 1
 #: the same if it is textured; and for the lines that are parsed at once.
 HELD, CORNER, TEXTURED_CORNER, LINES = 52, 180, 330, 70 << 20
 
+#: Statements that draw something which is not read.
+_KNOWN = {
+    **dict.fromkeys((b"l", b"p"), Defect.NOT_TRIANGLES),
+    **dict.fromkeys((b"curv", b"curv2", b"surf", b"bsp", b"bzp", b"cdc", b"cdp"), Defect.FREE_FORM),
+    **dict.fromkeys((b"call", b"csh", b"usemap"), Defect.UNSUPPORTED),
+}
+
+#: Statements that change nothing of what is read: smoothing, display, and what belongs to free-form geometry.
+_SILENT = frozenset(
+    b"s mg lod bevel c_interp d_interp maplib shadow_obj trace_obj ctech stech con res "
+    b"cstype deg bmat step vp parm trim hole scrv sp end v vt vn f fo usemtl mtllib".split()
+)
+
 _LIBRARY = re.compile(rb"^[^\S\n]*mtllib[^\S\n]+([^\n]*)", re.MULTILINE)
 _GROUP = re.compile(rb"^[ \t]*[go][ \t]+([^\r\n]*)", re.MULTILINE)
 
@@ -51,7 +68,8 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     lines = _Lines(file.stem)
     for chunk in _chunks(content):
         lines.take(chunk)
-    tally.add(Defect.NOT_TRIANGLES, file.name, lines.other_primitives)
+    for (defect, part), count in lines.passed_over.items():
+        tally.add(defect, part, count)
     materials, complete = read_materials(lines.libraries, resources, tally, file.name)
     vertices = lines.vertices()
     names = list(lines.material_names)
@@ -97,7 +115,7 @@ def _memory(_file: Path, content: Content, resources: Resources) -> int:
 
 
 def _libraries(chunk: bytes) -> list[str]:
-    return [_text(name) for name in _LIBRARY.findall(chunk)] if b"mtllib" in chunk else []
+    return [reference_of(name) for name in _LIBRARY.findall(chunk)] if b"mtllib" in chunk else []
 
 
 def _library_files(library: str, resources: Resources) -> Iterable[str]:
@@ -111,6 +129,7 @@ def _chunks(content: Content) -> Iterator[bytes]:
     text = b""
     for start in starts:
         block = content.part(start, start + _CHUNK)
+        block = block if start else without_mark(block)
         text += block.replace(b"\r", b"\n") if old else block
         if (end := _end_of_lines(text)) > 0:
             yield _joined(text[:end])
@@ -189,7 +208,8 @@ class _Lines:
     part_names: dict[str, int] = field(default_factory=dict)
     #: (first face, part, material) of each run of faces of one part and material
     runs: list[tuple[int, int, int]] = field(default_factory=list)
-    other_primitives: int = 0
+    #: what is not read, by the name of the part that it stands in
+    passed_over: Counter[tuple[Defect, str]] = field(default_factory=Counter)
     _totals: list[int] = field(default_factory=lambda: [0, 0, 0])  # positions, texture coordinates, normals so far
     _faces: int = 0
     _object: str = ""
@@ -211,12 +231,14 @@ class _Lines:
                 if words and words[0] in (b"g", b"o"):
                     self._name(words[0], "")
                     moved = True
+                elif words:
+                    self._pass_over(words[0])
                 continue
             key, rest = words
             if key == b"v":
                 vertices.append(rest)
                 changed = True
-            elif key == b"f":
+            elif key in (b"f", b"fo"):
                 if changed:
                     marks.append(
                         (len(faces), totals[0] + len(vertices), totals[1] + len(places), totals[2] + len(normals))
@@ -233,15 +255,15 @@ class _Lines:
                 normals.append(rest)
                 changed = True
             elif key in (b"g", b"o"):
-                self._name(key, _text(rest))
+                self._name(key, name_of(rest))
                 moved = True
             elif key == b"usemtl":
-                self._material = _text(rest)
+                self._material = name_of(rest)
                 moved = True
             elif key == b"mtllib":
-                self.libraries.append(_text(rest))
-            elif key in (b"l", b"p"):
-                self.other_primitives += 1
+                self.libraries.append(reference_of(rest))
+            else:
+                self._pass_over(key)
         self._take_vertices(vertices)
         self.places.append(rows_of(places, 2))
         self.normals.append(rows_of(normals, 3))
@@ -254,6 +276,8 @@ class _Lines:
         given = _taken(self.given, np.empty(0, bool))
         if not given.any():
             self.colours.clear()
+        elif max(float(np.nanmax(part, initial=0.0)) for part in self.colours) > 1:
+            self.colours[:] = [part / 255 for part in self.colours]
         return _Vertices(
             _taken(self.positions, np.empty((0, 3))),
             _taken(self.places, np.empty((0, 2))),
@@ -284,8 +308,18 @@ class _Lines:
         else:
             self._group = name
 
+    def _part(self) -> str:
+        return "/".join(step for step in (self._object, self._group) if step)
+
+    def _pass_over(self, key: bytes) -> None:
+        """Note a statement that is not read."""
+        if key in _SILENT or key.startswith(b"#"):
+            return
+        defect = _KNOWN.get(key, Defect.UNKNOWN)
+        self.passed_over[defect, self._part() or self.stem] += 1
+
     def _start_run(self, faces: int) -> None:
-        name = "/".join(step for step in (self._object, self._group) if step)
+        name = self._part()
         part = self.part_names.setdefault(name, len(self.part_names))
         material = self.material_names.setdefault(self._material, len(self.material_names))
         self.runs.append((self._faces + faces, part, material))
@@ -369,10 +403,6 @@ def _integer(text: bytes) -> int:
         return 0
 
 
-def _text(data: bytes) -> str:
-    return data.strip().decode("utf-8", "replace")
-
-
 def _mesh(
     part: _Part, vertices: _Vertices, names: list[str], materials: dict[str, Material], complete: bool
 ) -> SourceMesh:
@@ -380,9 +410,11 @@ def _mesh(
     found.
     """
     defects = {Defect.POLYGON: int(np.count_nonzero(part.counts < 3))}
-    surfaces = [materials.get(name) for name in names]
-    material = np.repeat(part.materials, np.maximum(part.counts - 2, 0))
-    corners = part.corners[fan(part.counts).reshape(-1)].astype(np.int64)
+    surfaces = [material_named(materials, name) for name in names]
+    cut = triangulate(vertices.positions, part.corners[:, 0], part.counts)
+    defects[Defect.CROSSING] = cut.crossing
+    material = np.repeat(part.materials, cut.counts)
+    corners = part.corners[cut.corners.reshape(-1)].astype(np.int64)
     sizes = (len(vertices.positions), len(vertices.places), len(vertices.normals))
     position, place, normal = (np.where(corners[:, i] < size, corners[:, i], -1) for i, size in enumerate(sizes))
     which = np.repeat(material, 3)
@@ -394,6 +426,7 @@ def _mesh(
 
     colours = np.full((len(kept), 4), DEFAULT_COLOUR, np.uint8)
     painted = np.zeros(len(kept), bool)
+    alphas = Alphas()
     if vertices.given.any():
         given = vertices.colours[position]
         painted = np.isfinite(given).all(axis=1) & (position >= 0)
@@ -409,18 +442,20 @@ def _mesh(
         defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + surface.not_finite
         mine = which == index
         colours[mine & ~painted] = surface.colour
+        colours[mine, 3] = surface.colour[3]
         has = mine & (place >= 0)
         if has.any():
-            own = triangles[(material == index) & (triangles >= 0).all(axis=1)]
-            places = np.zeros((len(kept), 2))
-            places[has] = vertices.places[place[has]] * surface.scale + surface.offset
-            places[:, 1] = 1 - places[:, 1]
-            surface.apply(colours, has, places, own)
+            own = (material == index) & (triangles >= 0).all(axis=1)
+            coordinates = np.zeros((len(kept), 2))
+            coordinates[has] = vertices.places[place[has]]
+            surface.apply(colours, alphas, has, coordinates, own, triangles)
     normals = np.zeros((len(kept), 3))
     normals[normal >= 0] = vertices.normals[normal[normal >= 0]]
     positions = np.zeros((len(kept), 3))
     positions[position >= 0] = vertices.positions[position[position >= 0]]
-    return SourceMesh(part.name, positions, triangles, normals, colours, {d: n for d, n in defects.items() if n})
+    mesh = SourceMesh(part.name, positions, triangles, normals, colours, {d: n for d, n in defects.items() if n})
+    alphas.blend(mesh)
+    return mesh
 
 
 FORMAT = Format((".obj",), read, named_files=_named_files, memory=_memory)

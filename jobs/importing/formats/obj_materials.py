@@ -1,19 +1,44 @@
-"""Material libraries of OBJ files (.mtl): colours, opacity and textures."""
+"""Material libraries of OBJ files (.mtl): colours, opacity and textures.
+
+Opacity is `d`, or 1 - `Tr` where there is no `d` (writers that write both mean `d`; some mean opacity by a `Tr` of 1
+alone, and nobody exports what cannot be seen at all), times `map_d`: its channel of `-imfchan`, else its alpha if it
+has one, else its luminance. Where there is no `map_d` the alpha of `map_Kd` counts.
+
+Based on: the Wavefront Material Template Library format (MTL), Alias/Wavefront Advanced Visualizer 4, file formats.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.defects import Defect, Tally
-from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
+from jobs.importing.reading.text.numbers import floats_of
+from jobs.importing.reading.text.words import name_of, reference_of, without_mark
+from jobs.importing.reading.texture_alpha import TextureAlpha, Wrap
 from jobs.importing.reading.vertex_colours import Texture, tint, to_colours
 
 _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """How texture coordinates lie in an image."""
+
+    scale: tuple[float, float]
+    offset: tuple[float, float]
+    wrap: Wrap
+
+    def places(self, coordinates: np.ndarray) -> np.ndarray:
+        """Where texture coordinates (n, 2) lie in the image, from its top left corner."""
+        places = coordinates * self.scale + self.offset
+        places[:, 1] = 1 - places[:, 1]
+        return places
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,31 +46,42 @@ class Material:
     """What a material library says of one material."""
 
     colour: np.ndarray  # (4,) uint8
-    texture: Texture | None
-    mask: Texture | None  # its brightness is the texture's alpha
-    scale: tuple[float, float]
-    offset: tuple[float, float]
+    texture: tuple[Texture, Map] | None
+    opacity: tuple[TextureAlpha, Map] | None
     missing: int  # textures that are not there
     not_finite: int
 
     @property
     def textured(self) -> bool:
         """Whether texture coordinates make a difference."""
-        return self.texture is not None or self.mask is not None
+        return self.texture is not None or self.opacity is not None
 
-    def apply(self, colours: np.ndarray, where: np.ndarray, places: np.ndarray, triangles: np.ndarray) -> None:
-        """Tint `colours` (n, 4) at `where` (n,) by the textures at `places` (n, 2)."""
+    def apply(
+        self,
+        colours: np.ndarray,
+        alphas: Alphas,
+        where: np.ndarray,
+        coordinates: np.ndarray,
+        which: np.ndarray,
+        triangles: np.ndarray,
+    ) -> None:
+        """Tint `colours` (n, 4) at `where` (n,) by the textures at texture coordinates (n, 2), and give the triangles
+        `which` (m,) bool of `triangles` (m, 3) their alpha.
+        """
         if self.texture is not None:
-            colours[where] = tint(self.texture.sample(places, triangles)[where], colours[where])
-        if self.mask is not None and (self.texture is None or (self.texture.pixels[..., 3] == 255).all()):
-            brightness = self.mask.sample(places, triangles)[where, :3].astype(np.float64).mean(axis=1)
-            colours[where, 3] = np.rint(colours[where, 3] * brightness / 255).astype(np.uint8)
+            image, laid = self.texture
+            sampled = image.sample(laid.places(coordinates), triangles[which], (laid.wrap, laid.wrap))
+            colours[where, :3] = tint(sampled[where, :3], colours[where, :3])
+        if self.opacity is not None:
+            alpha, laid = self.opacity
+            whole = which & where[triangles].all(axis=1)
+            alphas.take(whole, alpha, laid.places(coordinates), triangles, (laid.wrap, laid.wrap))
 
 
 def named_textures(library: bytes) -> Iterator[str]:
     """The textures that a material library names, of any kind: whole statements, and their last words."""
     for match in _TEXTURE.finditer(library):
-        text = match[1].decode("utf-8", "replace")
+        text = reference_of(match[1])
         yield text
         yield text.split()[-1]
 
@@ -58,7 +94,7 @@ def read_materials(
     Missing ones are counted in `tally` under `file_name`.
     """
     materials: dict[str, Material] = {}
-    textures: dict[str, Texture | None] = {}
+    textures = _Textures(resources)
     complete = bool(libraries)
     for names in dict.fromkeys(libraries):
         found = [resources.read(names)]
@@ -70,79 +106,142 @@ def read_materials(
                 complete = False
             else:
                 for name, entries in _library(data).items():
-                    materials.setdefault(name, _material(entries, resources, textures))
+                    materials.setdefault(name, _material(entries, textures))
     return materials, complete
 
 
-def _library(data: bytes) -> dict[str, dict[str, str]]:
+def material_named(materials: Mapping[str, Material], name: str) -> Material | None:
+    """The material of a name, or the only one whose name differs in capital and small letters alone."""
+    if name in materials or not name:
+        return materials.get(name)
+    same = [other for other in materials if other.casefold() == name.casefold()]
+    return materials[same[0]] if len(same) == 1 else None
+
+
+def _library(data: bytes) -> dict[str, dict[str, bytes]]:
     """A material library's entries by material and keyword (lower case)."""
-    materials: dict[str, dict[str, str]] = {}
-    current: dict[str, str] = {}
-    for line in data.decode("utf-8", "replace").splitlines():
+    materials: dict[str, dict[str, bytes]] = {}
+    current: dict[str, bytes] = {}
+    lines = without_mark(data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    for line in lines.split(b"\n"):
         words = line.strip().split(None, 1)
         if len(words) == 2:
             key, rest = words[0].lower(), words[1].strip()
-            if key == "newmtl":
-                current = materials.setdefault(rest, {})
+            if key == b"newmtl":
+                current = materials.setdefault(name_of(rest), {})
             else:
-                current[key] = rest
+                current[key.decode("latin-1")] = rest
     return materials
 
 
-def _material(entries: dict[str, str], resources: Resources, textures: dict[str, Texture | None]) -> Material:
-    colour = floats_of(entries.get("kd", "1 1 1" if "map_kd" in entries else "0.8 0.8 0.8"))
+class _Textures:
+    """The images that material libraries name, each read once."""
+
+    def __init__(self, resources: Resources) -> None:
+        self._resources = resources
+        self._images: dict[str, Texture | None] = {}
+        self._opacities: dict[tuple[str, str], TextureAlpha] = {}
+
+    def image(self, name: str) -> Texture | None:
+        if name not in self._images:
+            self._images[name] = Texture.decode(self._resources.read(name))
+        return self._images[name]
+
+    def opacity(self, name: str, image: Texture, channel: str) -> TextureAlpha:
+        """One of an image's channels as alpha."""
+        key = (name, channel)
+        if key not in self._opacities:
+            self._opacities[key] = _channel(image, channel)
+        return self._opacities[key]
+
+
+def _channel(image: Texture, channel: str) -> TextureAlpha:
+    """One channel of an image by its letter in MTL: red, green, blue, matte, luminance."""
+    if channel in ("r", "g", "b"):
+        return TextureAlpha(image.pixels[..., "rgb".index(channel)])
+    if channel == "m" or (channel != "l" and not image.alpha.opaque):
+        return image.alpha
+    red, green, blue = (image.pixels[..., k].astype(np.uint32) for k in range(3))
+    return TextureAlpha(((54 * red + 183 * green + 19 * blue + 128) >> 8).astype(np.uint8))
+
+
+def _material(entries: dict[str, bytes], textures: _Textures) -> Material:
+    colour = floats_of(entries.get("kd", b"1 1 1" if "map_kd" in entries else b"0.8 0.8 0.8"))
     if len(colour) == 1:
         colour = np.repeat(colour, 3)
     colour = colour[:3] if len(colour) >= 3 else np.full(3, 0.8)
     bad = ~np.isfinite(colour)
-    opacity = floats_of(entries["d"].replace("-halo", "")) if "d" in entries else 1 - floats_of(entries.get("tr", "0"))
-    alpha = float(opacity[0]) if len(opacity) and np.isfinite(opacity[0]) else 1.0
-    rgba = to_colours(np.append(np.where(bad, 0.8, colour), alpha)[None])[0]
-    images: list[Texture | None] = []
+    rgba = to_colours(np.append(np.where(bad, 0.8, colour), _opacity(entries))[None])[0]
+    texture: tuple[Texture, Map] | None = None
+    opacity: tuple[TextureAlpha, Map] | None = None
     missing = 0
-    scale, offset = (1.0, 1.0), (0.0, 0.0)
-    for key in ("map_kd", "map_d"):
-        image = None
-        if key in entries:
-            name, wanted_scale, wanted_offset = _map(entries[key])
-            if key == "map_kd":
-                scale, offset = wanted_scale, wanted_offset
-            if name not in textures:
-                textures[name] = Texture.decode(resources.read(name))
-            image = textures[name]
-            missing += image is None
-        images.append(image)
-    return Material(rgba, images[0], images[1], scale, offset, missing, int(bad.any()))
+    if "map_kd" in entries:
+        wanted = _statement(entries["map_kd"])
+        image = textures.image(wanted.name)
+        missing += image is None
+        texture = None if image is None else (image, wanted.laid)
+    if "map_d" in entries:
+        wanted = _statement(entries["map_d"])
+        image = textures.image(wanted.name)
+        missing += image is None
+        opacity = None if image is None else (textures.opacity(wanted.name, image, wanted.channel), wanted.laid)
+    if opacity is None and texture is not None:
+        opacity = (texture[0].alpha, texture[1])
+    return Material(rgba, texture, opacity, missing, int(bad.any()))
 
 
-def _map(text: str) -> tuple[str, tuple[float, float], tuple[float, float]]:
-    """File name, scale and offset of a texture statement; other options are passed over."""
+def _opacity(entries: dict[str, bytes]) -> float:
+    """Opacity, 0 to 1."""
+    if "d" in entries:
+        values = floats_of(entries["d"].replace(b"-halo", b""))
+    else:
+        values = 1 - floats_of(entries.get("tr", b"0"))
+        if len(values) and values[0] == 0:
+            values = np.ones(1)
+    return min(max(float(values[0]), 0.0), 1.0) if len(values) and np.isfinite(values[0]) else 1.0
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """What a texture statement says."""
+
+    name: str
+    laid: Map
+    channel: str  # of -imfchan, "" if it does not say
+
+
+def _statement(text: bytes) -> _Statement:
+    """A texture statement: options that make no difference are passed over."""
     words = text.split()
-    vectors = {"-s": [1.0, 1.0, 1.0], "-o": [0.0, 0.0, 0.0], "-t": [0.0, 0.0, 0.0]}
-    lengths = {
-        "-blendu": 1,
-        "-blendv": 1,
-        "-cc": 1,
-        "-clamp": 1,
-        "-bm": 1,
-        "-boost": 1,
-        "-imfchan": 1,
-        "-texres": 1,
-        "-mm": 2,
+    vectors = {b"-s": [1.0, 1.0, 1.0], b"-o": [0.0, 0.0, 0.0], b"-t": [0.0, 0.0, 0.0]}
+    singles = {
+        b"-blendu": b"",
+        b"-blendv": b"",
+        b"-cc": b"",
+        b"-clamp": b"",
+        b"-bm": b"",
+        b"-boost": b"",
+        b"-imfchan": b"",
+        b"-texres": b"",
+        b"-type": b"",
     }
     at = 0
-    while at < len(words) - 1 and (words[at] in vectors or words[at] in lengths):
+    while at < len(words) - 1 and (words[at] in vectors or words[at] in singles or words[at] == b"-mm"):
         option = words[at]
         at += 1
-        if option in lengths:
-            at += lengths[option]
-            continue
-        for axis in range(3):
-            value = floats_of(words[at] if at < len(words) - 1 else "")
-            if len(value) != 1 or not np.isfinite(value[0]):
-                break
-            vectors[option][axis] = float(value[0])
+        if option in singles:
+            singles[option] = words[at].lower()
             at += 1
-    name = " ".join(words[at:]) if at else text
-    (u, v), (x, y) = vectors["-s"][:2], vectors["-o"][:2]
-    return name, (u, v), (x, y)
+        elif option == b"-mm":
+            at += 2
+        else:
+            for axis in range(3):
+                value = floats_of(words[at] if at < len(words) - 1 else b"")
+                if len(value) != 1 or not np.isfinite(value[0]):
+                    break
+                vectors[option][axis] = float(value[0])
+                at += 1
+    name = reference_of(b" ".join(words[at:]) if at else text)
+    (u, v), (x, y) = vectors[b"-s"][:2], vectors[b"-o"][:2]
+    wrap = Wrap.CLAMP if singles[b"-clamp"] == b"on" else Wrap.REPEAT
+    return _Statement(name, Map((u, v), (x, y), wrap), singles[b"-imfchan"].decode("latin-1"))

@@ -1,8 +1,11 @@
 """Reader of PLY files, text and binary (.ply).
 
-Polygons are split into fans of triangles from their first corner, in the file's order. Colours are taken from the
-vertices, else from the faces, else from a texture (`comment TextureFile`). Read here and not by trimesh, which cannot
-read a binary file whose faces differ in their number of corners, and allocates what a header claims.
+Polygons are split into triangles in the file's order; strips of triangles (`tristrips`, where -1 begins a new one)
+follow them. Colours are taken from the vertices, else from the faces, else from a texture (`comment TextureFile`).
+Where every alpha of a file is 0 it says nothing, and all is opaque. Read here and not by trimesh, which cannot read a
+binary file whose faces differ in their number of corners, and allocates what a header claims.
+
+Based on: Turk: The PLY Polygon File Format (1994), and what writers have added since.
 """
 
 from __future__ import annotations
@@ -15,13 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from jobs.importing.formats.format import Format
+from jobs.importing.reading.blended import Alphas
 from jobs.importing.reading.content import Content, whole
-from jobs.importing.reading.corners import fan, split_by_face, unify
 from jobs.importing.reading.defects import Defect
+from jobs.importing.reading.faces.corners import split_by_face, strips, unify
+from jobs.importing.reading.faces.polygons import Triangles, triangulate
 from jobs.importing.reading.needs import TEXTURED_VERTEX, TRIANGLE, VERTEX, image_needs, text_needs
-from jobs.importing.reading.numbers import floats_of
 from jobs.importing.reading.resources import Resources
 from jobs.importing.reading.source_scene import SourceMesh, SourceNode, SourceScene
+from jobs.importing.reading.text.numbers import floats_of
+from jobs.importing.reading.text.words import reference_of, without_mark
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR, Texture, to_colours
 from storage.base.errors import ModelError
 from storage.meshes.placement import IDENTITY
@@ -46,6 +52,7 @@ _TYPES = {
 }
 
 _CORNERS = ("vertex_indices", "vertex_index")
+_ALPHAS = {"red": "alpha", "diffuse_red": "diffuse_alpha", "r": "a"}
 _PLACES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 #: Bytes of memory for each face of a file whose faces differ in their number of corners, and each of their properties.
@@ -54,7 +61,12 @@ MIXED = 260
 #: A header is looked for in this many bytes from the file's start.
 _HEAD = 1 << 22
 
-_TEXTURE = re.compile(rb"^comment\s+TextureFile\s+(.+?)\s*$", re.MULTILINE)
+_TEXTURE = re.compile(rb"(?:^|[\r\n])comment\s+TextureFile\s+([^\r\n]+)")
+
+_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r\n|\n|\r|$)")
+
+#: Elements that are read, or say nothing of what is drawn.
+_SILENT = ("vertex", "face", "tristrips", "camera")
 
 
 @dataclass(frozen=True)
@@ -84,7 +96,7 @@ _Columns = dict[str, np.ndarray | _List]
 
 def read(file: Path, content: Content, resources: Resources) -> SourceScene:
     """Read a PLY file. Raises ModelError if it is cut short or its header cannot be understood."""
-    data = whole(content)
+    data = without_mark(whole(content))
     order, elements, texture, start = _header(file, data)
     found = _text(file, data[start:], elements) if order is None else _binary(file, data, start, order, elements)
     mesh = _mesh(file, found, elements, texture, resources)
@@ -94,18 +106,18 @@ def read(file: Path, content: Content, resources: Resources) -> SourceScene:
 
 
 def _sniff(content: Content) -> bool:
-    return content.part(0, 4) in (b"ply\n", b"ply\r")
+    return without_mark(content.part(0, 7))[:4] in (b"ply\n", b"ply\r", b"ply ")
 
 
 def _named_files(_file: Path, content: Content, _resources: Resources) -> Iterable[str]:
     header = content.part(0, _HEAD).partition(b"end_header")[0]
-    return [name.decode("utf-8", "replace") for name in _TEXTURE.findall(header)]
+    return [reference_of(name) for name in _TEXTURE.findall(header)]
 
 
 def _memory(file: Path, content: Content, resources: Resources) -> int:
     """The one mesh that the file is."""
     images = image_needs(_named_files(file, content, resources), resources)
-    order, elements, texture, start = _header(file, content.part(0, _HEAD))
+    order, elements, texture, start = _header(file, without_mark(content.part(0, _HEAD)))
     if order is None:
         return images + text_needs(file, content, resources)
     vertex, face = (next(element for element in elements if element.name == name) for name in ("vertex", "face"))
@@ -122,23 +134,20 @@ def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str
     """Byte order (None: text), elements, texture file and where the data starts."""
     if not content.startswith(b"ply"):
         raise ModelError(f"{file}: not a PLY file, it does not start with ply; check its extension or export it again")
-    end = content.find(b"end_header")
-    if end < 0:
+    end = _END.search(content)
+    if end is None:
         raise ModelError(f"{file}: the PLY header has no end; the file is cut short, export it again")
-    start = end + len(b"end_header")
-    start += 2 if content[start : start + 2] == b"\r\n" else 1
+    header = content[: end.start()]
+    texture = next((reference_of(name) for name in _TEXTURE.findall(header)), None)
     orders = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
     order: str | None = None
     known = False
     elements: list[_Element] = []
-    texture = None
-    for line in content[:end].decode("latin-1").splitlines():
+    for line in header.decode("latin-1").splitlines():
         words = line.split()
         try:
             if words[:1] == ["format"]:
                 order, known = orders[words[1]], True
-            elif words[:2] == ["comment", "TextureFile"]:
-                texture = line.split("TextureFile", 1)[1].strip()
             elif words[:1] == ["element"]:
                 if int(words[2]) < 0:
                     raise ValueError
@@ -153,7 +162,7 @@ def _header(file: Path, content: bytes) -> tuple[str | None, list[_Element], str
             ) from None
     if not known:
         raise ModelError(f"{file}: the PLY header names no format; the file is damaged, export it again")
-    return order, elements, texture, start
+    return order, elements, texture, end.end()
 
 
 def _cut(file: Path, element: _Element) -> ModelError:
@@ -192,8 +201,10 @@ def _uniform(content: bytes, start: int, order: str, element: _Element) -> tuple
         fields += [(f"{number} count", order + p.count), (f"{number}", order + p.kind, (length,))]
     dtype = np.dtype(fields)
     end = start + dtype.itemsize * element.rows
-    if end > len(content) or not dtype.itemsize:
+    if end > len(content):
         return None
+    if not dtype.itemsize:  # no properties
+        return {}, start
     table = np.frombuffer(content, dtype, element.rows, start)
     columns: _Columns = {}
     for number, p in enumerate(element.properties):
@@ -244,6 +255,8 @@ def _text(file: Path, body: bytes, elements: list[_Element]) -> dict[str, _Colum
         if start + width * element.rows > len(values):
             raise _cut(file, element)
         columns: _Columns = {}
+        if not width:
+            continue
         if not any(p.count for p in element.properties):
             table = values[start : start + width * element.rows].reshape(element.rows, width)
             columns = {p.name: table[:, number] for number, p in enumerate(element.properties)}
@@ -286,39 +299,96 @@ def _mesh(
     file: Path, found: dict[str, _Columns], elements: list[_Element], texture: str | None, resources: Resources
 ) -> SourceMesh | None:
     vertex, face = found.get("vertex", {}), found.get("face", {})
+    defects = _passed_over(elements)
     polygons = next((face[name] for name in _CORNERS if isinstance(face.get(name), _List)), None)
-    if not isinstance(polygons, _List):
-        return None
     position = _stack(vertex, ("x", "y", "z"))
+    if not isinstance(polygons, _List):
+        rows = sum(element.rows for element in elements if element.name == "face")
+        defects[Defect.UNSUPPORTED] = defects.get(Defect.UNSUPPORTED, 0) + rows
+        polygons = _List(np.empty(0, np.int64), np.empty(0, np.int64))
+    stripped = _strips(found.get("tristrips", {}))
+    if not len(polygons.counts) and not len(stripped):
+        return None
     if position is None:
         raise ModelError(f"{file}: the vertices have no x, y and z; export the model again")
-    triangles = _indices(polygons.values)[fan(polygons.counts)]
-    per_face = np.maximum(polygons.counts - 2, 0)
-    defects = {Defect.POLYGON: int(np.count_nonzero(polygons.counts < 3))}
+    corners = _indices(polygons.values)
+    cut = triangulate(position, corners, polygons.counts)
+    triangles = np.concatenate([corners[cut.corners], stripped])
+    defects[Defect.POLYGON] = int(np.count_nonzero(polygons.counts < 3))
+    defects[Defect.CROSSING] = cut.crossing
     colours = _colours(vertex, elements, "vertex", defects)
+    alphas = Alphas()
     mesh = SourceMesh(file.stem, position, triangles, _stack(vertex, ("nx", "ny", "nz")), colours, defects)
-    painted = _colours(face, elements, "face", defects)
-    corners = face.get("texcoord")
-    places = next((pair for names in _PLACES if (pair := _stack(vertex, names)) is not None), None)
-    if colours is None and texture is not None and (places is not None or isinstance(corners, _List)):
-        image = Texture.decode(resources.read(texture))
-        if image is None:
-            defects[Defect.NO_TEXTURE] = 1
-        elif isinstance(corners, _List):
-            if not np.array_equal(corners.counts, 2 * polygons.counts):
-                raise ModelError(
-                    f"{file}: the faces have texture coordinates that do not match; export the model again"
-                )
-            _paint(mesh, image, corners.values.reshape(-1, 2).astype(np.float64)[fan(polygons.counts).reshape(-1)])
-        elif places is not None:
-            inside = ((triangles >= 0) & (triangles < len(position))).all(axis=1)
-            mesh.colours = image.sample(np.stack([places[:, 0], 1 - places[:, 1]], axis=1), triangles[inside])
-    elif texture is not None and colours is None:
-        defects[Defect.NO_TEXTURE] = 1
-    elif colours is None and painted is not None:
-        split_by_face(mesh, np.repeat(painted, per_face, axis=0))
+    if colours is None and texture is not None:
+        _texture(file, mesh, Texture.decode(resources.read(texture)), vertex, face, polygons, cut, alphas)
+    elif colours is None and (painted := _colours(face, elements, "face", defects)) is not None:
+        plain = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(stripped), 1))
+        split_by_face(mesh, np.concatenate([np.repeat(painted, cut.counts, axis=0), plain]))
+    alphas.blend(mesh)
     mesh.defects = {defect: count for defect, count in defects.items() if count}
     return mesh if len(triangles) else None
+
+
+def _passed_over(elements: list[_Element]) -> dict[Defect, int]:
+    """Rows of elements that are not read."""
+    defects: dict[Defect, int] = {}
+    for element in elements:
+        if element.name in _SILENT or not element.rows:
+            continue
+        lists = any(p.count is not None for p in element.properties)
+        unread = Defect.UNSUPPORTED if lists else Defect.UNKNOWN
+        defect = Defect.NOT_TRIANGLES if element.name == "edge" else unread
+        defects[defect] = defects.get(defect, 0) + element.rows
+    return defects
+
+
+def _strips(element: _Columns) -> np.ndarray:
+    """Triangles (m, 3) int64 of strips; in a strip -1 begins a new one."""
+    lists = next((element[name] for name in _CORNERS if isinstance(element.get(name), _List)), None)
+    if not isinstance(lists, _List):
+        return np.empty((0, 3), np.int64)
+    index = _indices(lists.values)
+    ends = np.zeros(len(index) + 1, bool)
+    ends[np.cumsum(lists.counts)] = True
+    breaks = np.flatnonzero(index == -1)
+    starts = np.unique(np.concatenate([[0], np.flatnonzero(ends), breaks, breaks + 1]))
+    sizes = np.diff(np.append(starts, len(index)))
+    return index[strips(starts, sizes)]
+
+
+def _texture(
+    file: Path,
+    mesh: SourceMesh,
+    image: Texture | None,
+    vertex: _Columns,
+    face: _Columns,
+    polygons: _List,
+    cut: Triangles,
+    alphas: Alphas,
+) -> None:
+    """Colour a mesh by its texture, at the corners' texture coordinates or else the vertices'."""
+    corners = face.get("texcoord")
+    places = next((pair for names in _PLACES if (pair := _stack(vertex, names)) is not None), None)
+    by_corner = isinstance(corners, _List)
+    if image is None or (places is None and not by_corner):
+        mesh.defects[Defect.NO_TEXTURE] = 1
+        return
+    if isinstance(corners, _List):
+        if not np.array_equal(corners.counts, 2 * polygons.counts):
+            raise ModelError(f"{file}: the faces have texture coordinates that do not match; export the model again")
+        textured = np.arange(len(mesh.triangles)) < len(cut.corners)
+        at = np.zeros((len(textured), 3, 2))
+        at[textured] = corners.values.reshape(-1, 2).astype(np.float64)[cut.corners]
+        places = _split_by_place(mesh, at.reshape(-1, 2))
+    else:
+        textured = np.ones(len(mesh.triangles), bool)
+    if places is None:
+        return
+    places = np.stack([places[:, 0], 1 - places[:, 1]], axis=1)
+    inside = ((mesh.triangles >= 0) & (mesh.triangles < len(mesh.positions))).all(axis=1) & textured
+    mesh.colours = image.sample(places, mesh.triangles[inside])
+    mesh.colours[:, 3] = 255
+    alphas.take(inside, image.alpha, places, mesh.triangles)
 
 
 def _stack(columns: _Columns, names: tuple[str, ...]) -> np.ndarray | None:
@@ -345,12 +415,14 @@ def _colours(
         values = _stack(columns, names)
         if values is None:
             continue
-        alpha = _stack(columns, ("alpha",)) if names[0] == "red" else None
-        if alpha is not None:
+        alpha = _stack(columns, (_ALPHAS[names[0]],))
+        if alpha is not None and (alpha > 0).any():
             values = np.concatenate([values, alpha], axis=1)
         kind = np.dtype(kinds[names[0]])
         if kind.kind in "iu":
             values = values / np.iinfo(kind).max
+        elif np.nanmax(np.where(np.isfinite(values), values, 0), initial=0.0) > 1:  # some write up to 255
+            values = values / 255
         bad = ~np.isfinite(values).all(axis=1)
         if bad.any():
             defects[Defect.COLOUR] = defects.get(Defect.COLOUR, 0) + int(bad.sum())
@@ -360,8 +432,10 @@ def _colours(
     return None
 
 
-def _paint(mesh: SourceMesh, image: Texture, places: np.ndarray) -> None:
-    """Texture a mesh by its corners' texture coordinates (3 m, 2), with vertices split where they differ."""
+def _split_by_place(mesh: SourceMesh, places: np.ndarray) -> np.ndarray:
+    """Split a mesh's vertices where their corners' texture coordinates (3 m, 2) differ; returns those of the vertices
+    (n, 2).
+    """
     flat = mesh.triangles.reshape(-1)
     valid = (flat >= 0) & (flat < len(mesh.positions))
     vertex_bits = np.where(valid, flat, -1)[:, None].view(np.float64)
@@ -371,8 +445,7 @@ def _paint(mesh: SourceMesh, image: Texture, places: np.ndarray) -> None:
     if mesh.normals is not None:
         mesh.normals = mesh.normals[source]
     mesh.triangles = np.where(valid, vertex, -1).reshape(-1, 3)
-    own = mesh.triangles[(mesh.triangles >= 0).all(axis=1)]
-    mesh.colours = image.sample(np.stack([places[kept, 0], 1 - places[kept, 1]], axis=1), own)
+    return places[kept]
 
 
 FORMAT = Format((".ply",), read, _sniff, _named_files, _memory)

@@ -6,9 +6,12 @@ Read in this order:
     defects         what can be wrong with a model, and how often it is
     content         the bytes of a file, read as they are asked for
     resources       the other files that a model file names: only those inside its own folder
-    numbers         numbers in text
-    corners         corners of faces become triangles and vertices
+    text/           words and numbers in text
     equal_rows      rows of an array that are equal
+    faces/          faces become triangles and vertices
     vertex_colours  materials and textures become vertex colours
+    texture_alpha   the alpha of a texture over whole triangles: least, mean, greatest
+    see_through     which triangles can be seen through
+    blended         the same for formats that know one kind of alpha only
     needs           what readers need of memory
 """

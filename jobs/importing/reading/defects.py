@@ -11,6 +11,7 @@ class Defect(StrEnum):
 
     INDEX = "faces with an index out of range"
     NOT_FINITE = "faces with a position that is not finite"
+    INVISIBLE = "invisible faces"
     NO_AREA = "faces without area"
     DUPLICATE = "duplicate faces"
     REVERSED = "duplicate faces of opposite winding"
@@ -24,6 +25,14 @@ class Defect(StrEnum):
     NORMAL = "normals without direction"
     NOT_TRIANGLES = "points, lines and other primitives without triangles"
     POLYGON = "faces with fewer than three corners"
+    CROSSING = "outlines that cross themselves"
+    FREE_FORM = "free-form curves and surfaces"
+    UNKNOWN = "statements and elements that are not known"
+    TRAILING = "bytes after the last facet"
+    TRANSFORM = "parts left out for a transform that cannot be read"
+    FAR = "parts far from all else"
+    FAR_FACES = "faces far from all else"
+    HIDDEN = "parts that the file hides"
     BROKEN = "broken elements"
     UNSUPPORTED = "unsupported features"
 

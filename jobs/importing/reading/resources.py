@@ -2,7 +2,8 @@
 
 Only files inside the model's own folder are ever read; nothing is fetched from a network. A reference that leads
 elsewhere (an absolute path of the machine that exported the model, say) is looked up by the end of its path inside the
-folder.
+folder. Where no file bears a name, the one that bears it in other letters (capital or small, an accent composed or not)
+is taken, if it is the only one; names that are not UTF-8 are tried as their bytes, and as Western European text.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 import base64
 import binascii
 import os
+import unicodedata
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, unquote_to_bytes
 
@@ -42,18 +45,30 @@ class Resources:
 
     def find(self, reference: str) -> Path | None:
         """The file that a URI or path stands for, None if there is none in the folder."""
-        for name in dict.fromkeys((reference, unquote(reference))):
-            steps = [step for step in _plain(name).split("/") if step not in ("", ".")]
-            if not steps or "\0" in name:
-                continue
-            direct = _resolved(self._folder, steps)
-            if not _absolute(name) and direct.is_relative_to(self._root) and _is_file(direct):
-                return direct
-            inside = [step for step in steps if step != ".." and not step.endswith(":")]
-            for start in range(len(inside)):
-                for base in dict.fromkeys((self._folder, self._root)):
-                    if _is_file(base.joinpath(*inside[start:])):
-                        return base.joinpath(*inside[start:])
+        spellings = [name for name in dict.fromkeys(_spellings(reference)) if "\0" not in name]
+        for below in (_exactly, _in_other_letters):
+            for name in spellings:
+                found = self._found(name, below)
+                if found is not None:
+                    return found
+        return None
+
+    def _found(self, name: str, below: Callable[[Path, list[str]], Path | None]) -> Path | None:
+        """The file of that name in the folder; `below` finds one by its folder and the steps from there."""
+        steps = [step for step in _plain(name).split("/") if step not in ("", ".")]
+        if not steps:
+            return None
+        direct = _resolved(self._folder, steps)
+        if not _absolute(name) and direct.is_relative_to(self._root):
+            found = below(self._root, list(direct.relative_to(self._root).parts))
+            if found is not None:
+                return found
+        inside = [step for step in steps if step != ".." and not step.endswith(":")]
+        for start in range(len(inside)):
+            for base in dict.fromkeys((self._folder, self._root)):
+                found = below(base, inside[start:])
+                if found is not None:
+                    return found
         return None
 
 
@@ -72,6 +87,47 @@ def _resolved(folder: Path, steps: list[str]) -> Path:
     for step in steps:
         path = path.parent if step == ".." else path / step
     return path
+
+
+def _spellings(reference: str) -> Iterator[str]:
+    """What a reference may mean: itself, a URI, a name whose bytes are Western European text."""
+    for name in (reference, unquote(reference, errors="surrogateescape")):
+        yield name
+        if any("\udc80" <= letter <= "\udcff" for letter in name):
+            yield name.encode("utf-8", "surrogateescape").decode("cp1252", "replace")
+
+
+def _exactly(folder: Path, steps: list[str]) -> Path | None:
+    path = folder.joinpath(*steps)
+    return path if _is_file(path) else None
+
+
+def _in_other_letters(folder: Path, steps: list[str]) -> Path | None:
+    """The one file whose path differs from `steps` in capitals and accents only; None if there is none, or several."""
+    for step in steps:
+        direct = folder / step
+        if not _exists(direct):
+            try:
+                names = os.listdir(folder)  # noqa: PTH208  names alone, of a folder that may be no folder
+            except (OSError, ValueError):
+                return None
+            same = [name for name in names if _letters(name) == _letters(step)]
+            if len(same) != 1:
+                return None
+            direct = folder / same[0]
+        folder = direct
+    return folder if _is_file(folder) else None
+
+
+def _letters(name: str) -> str:
+    return unicodedata.normalize("NFC", name).casefold()
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
 
 
 def _is_file(path: Path) -> bool:

@@ -13,6 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from jobs.importing.reading.texture_alpha import TextureAlpha, Wrap
+
 #: What is drawn where a file names no colour: opaque light grey.
 DEFAULT_COLOUR = (204, 204, 204, 255)
 
@@ -93,11 +95,37 @@ class Texture:
         return Texture(pixels) if pixels.size else None
 
     @cached_property
+    def alpha(self) -> TextureAlpha:
+        """The image's alpha, to be asked for whole triangles."""
+        return TextureAlpha(self.pixels[..., 3])
+
+    @cached_property
+    def red(self) -> TextureAlpha:
+        """The image's red channel, to be asked in the same way."""
+        return TextureAlpha(self.pixels[..., 0])
+
+    @cached_property
+    def opaque(self) -> Texture:
+        """The same image without its alpha: what lies where it cannot be seen has its own colour too."""
+        if self.alpha.opaque:
+            return self
+        pixels = self.pixels.copy()
+        pixels[..., 3] = 255
+        return Texture(pixels)
+
+    @property
+    def held(self) -> int:
+        """Bytes that the image may take with all that is made of it, an upper estimate."""
+        return self.pixels.nbytes * (2 if self.alpha.opaque else 4)
+
+    @cached_property
     def _levels(self) -> list[np.ndarray]:
         """The image and its halvings, colours weighted by alpha."""
         levels = [self.pixels]
         current = self.pixels.astype(np.float32)
-        current[..., :3] *= current[..., 3:] / np.float32(255)
+        opaque = self.alpha.opaque  # all weights are 1 then
+        if not opaque:
+            current[..., :3] *= current[..., 3:] / np.float32(255)
         while max(current.shape[:2]) > 1:
             rows, columns = (max(size // 2, 1) for size in current.shape[:2])
             down = min(current.shape[0], 2)
@@ -107,14 +135,19 @@ class Texture:
                 for j in range(right):
                     total += current[i : i + rows * down : down, j : j + columns * right : right]
             current = (total / np.float32(down * right)).astype(np.float32)
+            if opaque:
+                levels.append(np.rint(current).astype(np.uint8))
+                continue
             alpha = np.maximum(current[..., 3:] / np.float32(255), np.float32(1e-6))
             plain = np.concatenate([np.minimum(current[..., :3] / alpha, 255), current[..., 3:]], axis=2)
             levels.append(np.rint(plain).astype(np.uint8))
         return levels
 
-    def sample(self, places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    def sample(
+        self, places: np.ndarray, triangles: np.ndarray, wrap: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT)
+    ) -> np.ndarray:
         """Colours (n, 4) uint8 at texture coordinates `places` (n, 2): (0, 0) is the image's top left corner, (1, 1)
-        its bottom right; outside it repeats. `triangles` (m, 3) index `places`.
+        its bottom right; `wrap` is how it goes on across and down. `triangles` (m, 3) index `places`.
         """
         places = np.nan_to_num(np.asarray(places, np.float64), nan=0.0, posinf=0.0, neginf=0.0)
         size = np.array([self.pixels.shape[1], self.pixels.shape[0]], np.float64)
@@ -128,7 +161,8 @@ class Texture:
         )
         width = np.bincount(flat, np.repeat(widths, 3), minlength=len(places)) / np.maximum(users, 1)
         inside = places + (middle / np.maximum(users, 1)[:, None] - places) * (_INSIDE * (users > 0))[:, None]
-        inside -= np.floor(inside)
+        for axis in range(2):
+            inside[:, axis] = _wrapped(inside[:, axis], wrap[axis])
         level = np.clip(np.frexp(np.maximum(width * _FOOTPRINT, 1.0))[1] - 1, 0, len(self._levels) - 1)
         colours = np.zeros((len(places), 4), np.uint8)
         for number in np.unique(level):
@@ -138,6 +172,15 @@ class Texture:
             row = np.minimum((inside[at, 1] * image.shape[0]).astype(np.int64), image.shape[0] - 1)
             colours[at] = image[row, column]
         return colours
+
+
+def _wrapped(places: np.ndarray, wrap: Wrap) -> np.ndarray:
+    """Texture coordinates (n,) of one axis where the image itself shows the same, 0 to 1."""
+    if wrap is Wrap.CLAMP:
+        return np.clip(places, 0.0, 1.0)
+    if wrap is Wrap.MIRROR:
+        return 1.0 - np.abs(places - 2.0 * np.floor(places / 2.0) - 1.0)
+    return places - np.floor(places)
 
 
 def tint(sampled: np.ndarray, colour: np.ndarray) -> np.ndarray:

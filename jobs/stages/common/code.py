@@ -44,6 +44,7 @@ IMPORT = (*_ANY, *_MODEL, "jobs.stages.import_model", "jobs.importing")
 #: An imported model is read by all stages on detail; what made it is not.
 _IMPORTED = ("jobs.stages.import_model", "jobs.importing.model", "jobs.importing.keeping.saved")
 IMPORTERS = (
+    "jobs.importing.far",
     "jobs.importing.formats",
     "jobs.importing.import_memory",
     "jobs.importing.inputs",

@@ -115,14 +115,17 @@ class Glb:
         return len(self.header["nodes"]) - 1
 
     def content(self) -> bytes:
-        header = {**self.header, "buffers": [{"byteLength": len(self.data)}]}
-        text = json.dumps({key: value for key, value in header.items() if value != []}).encode()
-        text += b" " * (-len(text) % 4)
-        chunks = (
-            struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(self.data), b"BIN\0") + self.data
-        )
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+        buffers = [{"byteLength": len(self.data)}, *self.header.get("buffers", [])]
+        header = {key: value for key, value in {**self.header, "buffers": buffers}.items() if value != []}
+        return packed(json.dumps(header).encode(), self.data)
 
     def write(self, path: Path) -> Path:
         path.write_bytes(self.content())
         return path
+
+
+def packed(text: bytes, data: bytes) -> bytes:
+    """A GLB file of a JSON chunk and a binary chunk."""
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -83,7 +83,7 @@ def test_the_same_bytes_as_with_all_meshes_held(tmp_path, faraway):
     joined = join_scenes([file for file, _ in files], scenes, None, None, meshes.append)
     write_model(
         tmp_path / "held", meshes, joined.parts, up=joined.up, unit_in_metres=joined.unit_in_metres,
-        report=joined.report,
+        report=joined.tally.report(),
     )  # fmt: skip
     names = sorted(path.name for path in (tmp_path / "held").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "streamed").iterdir())
@@ -113,7 +113,7 @@ def test_a_failed_import_leaves_nothing_behind(tmp_path):
 
 
 def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch):
-    from tests.jobs.importing.formats.test_gltf_file import png
+    from tests.jobs.importing.formats.gltf.test_gltf_file import png
 
     scene = Glb()
     scene.header["images"], scene.header["textures"] = [], []
@@ -130,7 +130,7 @@ def test_textures_that_are_not_kept_give_the_same_colours(tmp_path, monkeypatch)
         scene.node(mesh=mesh)
     path = scene.write(tmp_path / "model.glb")
     kept = imported(path, tmp_path / "kept")
-    monkeypatch.setattr("jobs.importing.formats.gltf_file.TEXTURES_KEPT", 0)
+    monkeypatch.setattr("jobs.importing.formats.gltf.textures.TEXTURES_KEPT", 0)
     assert imported(path, tmp_path / "dropped").digest == kept.digest
     assert len(np.unique(kept.colours, axis=0)) == 4
 

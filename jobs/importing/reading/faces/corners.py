@@ -21,6 +21,18 @@ def fan(counts: np.ndarray) -> np.ndarray:
     return np.stack([first, first + number + 1, first + number + 2], axis=1)
 
 
+def strips(starts: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Corner numbers (m, 3) int64 of the triangles of strips of `counts` (s,) corners from corners `starts` (s,) on.
+
+    Every other triangle is turned, so that all wind as the strip's first one does.
+    """
+    triangles = np.maximum(np.asarray(counts, np.int64) - 2, 0)
+    number = np.arange(int(triangles.sum())) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    first = np.repeat(np.asarray(starts, np.int64), triangles) + number
+    odd = number % 2
+    return np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)
+
+
 def unify(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners with equal keys become one vertex.
 

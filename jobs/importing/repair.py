@@ -4,8 +4,8 @@ Removed, in this order: faces with an index out of range, with a position that i
 alpha of 0 at all corners (readers make it so where nothing of a face is to be seen), without area, and faces whose
 corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
 exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
-second face adds nothing - unless it has another colour: then both stay, each with the colour of its side. What is left
-keeps its order; vertices that no face uses go, and vertices that are equal in position, normal and colour become one.
+second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
+position, normal and colour become one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
         drop(np.all(invisible[triangles], axis=1), Defect.INVISIBLE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
-        same, reverse = _repeated(positions, triangles, mesh.colours)
+        same, reverse = _repeated(positions, triangles)
         drop(same | reverse, Defect.DUPLICATE)
         if reverse.any():
             counts[Defect.REVERSED] = int(reverse.sum())
@@ -91,33 +91,14 @@ def _without_area(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return flat
 
 
-def _repeated(
-    positions: np.ndarray, triangles: np.ndarray, colours: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which faces repeat an earlier one by the positions of their corners: with the same winding, with the opposite.
-
-    A face of opposite winding and another colour is the other side of the first one: it repeats nothing.
-    """
+def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which faces repeat an earlier one by the positions of their corners: with the same winding, with the opposite."""
     corners = first_equal(positions)[triangles]
     a, b, c = corners.T
     turned = (a < b) ^ (b < c) ^ (c < a)
     first = first_equal(np.sort(corners, axis=1))
     repeated = first != np.arange(len(first))
-    opposite = repeated & (turned != turned[first])
-    if colours is not None and opposite.any():
-        own = np.flatnonzero(opposite)
-        leaders, at = np.unique(first[own], return_index=True)
-        sides = own[at]  # of all that turn their back to one face, the first
-        of_side, of_leader = (
-            colours[np.take_along_axis(triangles[faces], np.argsort(corners[faces], axis=1), axis=1)]
-            for faces in (sides, leaders)
-        )
-        kept = sides[(of_side != of_leader).any(axis=(1, 2))]
-        repeated[kept] = False
-        followers = np.isin(first, first[kept]) & opposite
-        opposite &= ~followers  # those that repeat the other side wind as it does
-        repeated |= followers
-        repeated[kept] = False
+    opposite = turned != turned[first]
     return repeated & ~opposite, repeated & opposite
 
 

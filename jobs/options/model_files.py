@@ -19,6 +19,7 @@ class ModelFileParameters:
 
     units: str | None = None  # length unit of the input files; None: what they say
     up: str | None = None  # one of AXES; None: what they say
+    keep_far: bool = False  # also what lies absurdly far from nearly all else, which costs all of it precision
 
     def check(self) -> None:
         """Raises ParameterError for an axis that is none; units are the import's to know."""
@@ -35,5 +36,11 @@ SECTION = Section(
             help="Length unit of the input (mm, m, in ...). Default: what the files say.",
         ),
         click.Option(["--up"], type=click.Choice(AXES), help="Axis that points up. Default: what the files say."),
+        click.Option(
+            ["--keep-far"],
+            is_flag=True,
+            help="Keep a few triangles that lie absurdly far from all others. By default they are left out, and counted, "
+            "where they would cost all others their precision.",
+        ),
     ),
 )

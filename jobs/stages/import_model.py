@@ -20,7 +20,7 @@ STAGE = Stage(
     "import",
     "jobs.stages.import_model:import_files",
     code.IMPORT,
-    ("numpy", "pillow"),
+    ("dracopy", "mapbox-earcut", "meshopt", "numba", "numpy", "pillow"),
     cure="part the largest mesh, or the file, in the program that wrote it",
 )
 
@@ -36,6 +36,7 @@ class Payload:
     names: tuple[str, ...]  # of the inputs
     units: str | None  # see jobs.importing.model.ImportOptions
     up: str | None
+    keep_far: bool
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ def tasks(state: BuildState) -> Tasks:
         names=tuple(path.name for path in state.inputs),
         units=parameters.units,
         up=parameters.up,
+        keep_far=parameters.keep_far,
     )
     places = Places(tuple(str(path.absolute()) for path in state.inputs))
     return Tasks([Task(STAGE, to_json(payload), to_json(places), PROCESS + import_memory(state.inputs))])
@@ -65,7 +67,7 @@ def import_files(work: Assignment) -> dict[str, Any]:
     from jobs.importing.model import ImportOptions, import_model, open_model
 
     payload, places = work.read(Payload, Places)
-    options = ImportOptions(units=payload.units, up=payload.up)
+    options = ImportOptions(units=payload.units, up=payload.up, keep_far=payload.keep_far)
     import_model([Path(path) for path in places.inputs], work.out / "model", options)
     model = open_model(work.out / "model")
     return {

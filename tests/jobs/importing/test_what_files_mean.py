@@ -656,17 +656,7 @@ CASES = [
     ),
     # sides
     Case(
-        "obj: two faces in one place, back to back, of two colours: each side keeps its own",
-        {
-            "a.obj": f"mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\nf 3 2 1\nusemtl a\nf 1 2 3\n",
-            "m.mtl": "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n",
-        },
-        triangles=2,
-        colours=[(0, 0, 255), (255, 0, 0)],
-        counted={"duplicate faces": 2},
-    ),
-    Case(
-        "obj: the same of one colour: one is enough",
+        "obj: two faces in one place, back to back: both sides of one are drawn, one is enough",
         {"a.obj": SQUARE + "f 1 2 3\nf 3 2 1\n"},
         triangles=1,
         counted={"duplicate faces of opposite winding": 1},

@@ -39,7 +39,7 @@ SECTION = Section(
         click.Option(
             ["--keep-far"],
             is_flag=True,
-            help="Keep a few triangles that lie absurdly far from all others. By default they are left out, and counted, "
+            help="Keep a few triangles that lie absurdly far from all others. They are left out, and told, "
             "where they would cost all others their precision.",
         ),
     ),

@@ -44,7 +44,7 @@ def test_fragments_cover_the_tree(seed: int, count: int, most: int) -> None:
     tree = build_tree(*objects(seed, count))
     triangles = np.where(tree.leaf >= 0, 0, 0)
     triangles[tree.leaf >= 0] = objects(seed, count)[2][tree.leaf[tree.leaf >= 0]]
-    fragments = plan_fragments(tree.end, triangles, most)
+    fragments = plan_fragments(tree.end, np.zeros(1, np.int64), triangles, most)
     assert fragments[-1].root == 0
     done: set[int] = set()
     nodes: list[int] = []

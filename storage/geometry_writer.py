@@ -55,8 +55,8 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
     Holds a few packs in memory, never the shard. Level i of a node shares packs with level i of the nodes of the same
     height before and after it, so that what is drawn together is fetched together: pass nodes in spatial order.
     The order of a mesh's triangles and vertices is changed (see storage.meshes.mesh_order), its source faces move
-    along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together, and for
-    a mesh of which some vertices are opaque and others not.
+    along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together, and
+    for a mesh of which some vertices are opaque and others not.
     """
     rows: list[tuple[int, int, int, int, int, float]] = []
     packs: list[tuple[int, int, int, int, int]] = []
@@ -128,8 +128,8 @@ def write_tables_shard(
 ) -> TablesShardRecord:
     """Writes the tables (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE) into one shard.
 
-    Raises ValueError where an index of one table points outside another, and where a tree is not all opaque or all to be
-    seen through.
+    Raises ValueError where an index of one table points outside another, and where a tree is neither all opaque nor all
+    to be seen through.
     """
     _check_tables(parts, part_names, instances, geometry, packs, nodes, drawables)
     tables = ((parts, PART), (instances, INSTANCE), (geometry, GEOMETRY), (packs, PACK), (nodes, NODE))

@@ -90,7 +90,9 @@ def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_
         lo, hi = np.empty((len(levels), 3)), np.empty((len(levels), 3))
         for number, level in enumerate(levels):
             _placed_box(level.positions, to.matrix, moved, made.scale, grid.step, lo[number], hi[number])
-        placed.append(PlacedNode(to.part, to.instance, first_geometry, triangles, one_sided, see_through, errors, lo, hi))
+        placed.append(
+            PlacedNode(to.part, to.instance, first_geometry, triangles, one_sided, see_through, errors, lo, hi)
+        )
     return placed
 
 
@@ -143,8 +145,8 @@ def join_nodes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The whole model's nodes and drawables.
 
-    end (n,) int64: the tree, see jobs.objects.tree; chunks: the places in the tree (k,), nodes (k,) and drawables of
-    each task, which have each node of the tree once; geometries: how many meshes each task stored. The box of each node
+    end (n,) int64: the trees, see jobs.objects.hierarchy; chunks: the places in them (k,), nodes (k,) and drawables of
+    each task, which have each node once; geometries: how many meshes each task stored. The box of each node
     grows to hold those below it.
     """
     places = np.concatenate([places for places, _, _ in chunks])

@@ -1,4 +1,4 @@
-"""Opaque triangles and those that can be seen through share no vertex: alpha says of each vertex which of the two it is.
+"""Opaque triangles and those that can be seen through share no vertex: each vertex's alpha says of which kind it is.
 
 A triangle can be seen through where one of its corners or more has an alpha below OPAQUE. Then all three get less, and
 a vertex that it shares with an opaque triangle is doubled. All that comes after an import relies on it: nothing is ever

@@ -12,7 +12,7 @@ OFFERED = 0.5
 
 @dataclass(frozen=True)
 class Fragment:
-    """A connected part of the tree."""
+    """A connected part of a tree."""
 
     root: int  # node
     stops: list[int]  # nodes below it that are roots of fragments of their own, increasing
@@ -22,8 +22,8 @@ class Fragment:
 def plan_fragments(end: np.ndarray, roots: np.ndarray, triangles: np.ndarray, most: int) -> list[Fragment]:
     """Part trees into fragments of about `most` triangles of work each; those below others come first.
 
-    end (n,) int64, roots (trees,) int64: the trees, see jobs.objects.hierarchy; triangles (n,) int64: of each leaf, 0 of
-    inner nodes. No fragment is of two trees.
+    end (n,) int64, roots (trees,) int64: the trees, see jobs.objects.hierarchy; triangles (n,) int64: of each leaf,
+    0 of inner nodes. No fragment is of two trees.
     """
     n = len(end)
     work = triangles.astype(np.float64)

@@ -1,7 +1,7 @@
 """From placed pieces to the model's objects and the trees above them.
 
 Pieces come out of Partition I. Small ones are clustered, clusters that became too much are split again (Partition II),
-and the tree is built over the objects that result. Only boxes and counts are needed for that, never triangles.
+and a tree is built over the objects that result. Only boxes and counts are needed for that, never triangles.
 
 A piece of a mesh that is placed several times stays shared, with levels of its own, as an object by itself: its
 triangles are then stored once. Where it has so few triangles that naming it costs more than repeating it, its

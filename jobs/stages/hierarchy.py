@@ -52,7 +52,7 @@ class Places:
 
 
 def tasks(state: BuildState) -> Tasks:
-    """The task: clusters, objects and the tree."""
+    """The task: clusters, objects and the trees."""
     imported, found = state.one(import_model.STAGE), state.all(pieces.STAGE)
     payload = Payload(
         model=imported.record["model"]["digest"],

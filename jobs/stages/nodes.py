@@ -162,7 +162,7 @@ def chunks_of_fragments(shapes: Shapes, fragments: Sequence[Fragment]) -> dict[i
 
 
 def make_nodes(work: Assignment) -> dict[str, Any]:
-    """The nodes of a fragment of the tree, from its leaves up to its root, and what the root offers."""
+    """The nodes of a fragment of a tree, from its leaves up to its root, and what the root offers."""
     from jobs.detail.offers import save_offers
 
     fragment = _Fragment(work.place, *work.read(Payload, Places))
@@ -173,7 +173,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 
 
 class _Branch(NamedTuple):
-    """A finished branch of the tree, as its parent sees it."""
+    """A finished branch of a tree, as its parent sees it."""
 
     offers: list[Offer]
     height: int  # 0: a leaf

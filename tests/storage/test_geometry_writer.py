@@ -165,7 +165,9 @@ def test_a_tree_is_all_opaque_or_all_to_be_seen_through(tmp_path: Path, forest: 
 def test_a_mesh_is_all_opaque_or_all_to_be_seen_through(tmp_path: Path) -> None:
     clear = _mesh(1)
     opaque = clear._replace(colours=clear.colours | np.array([0, 0, 0, 255], np.uint8))
-    empty = clear._replace(**{name: getattr(clear, name)[:0] for name in ("positions", "triangles", "normals", "colours")})
+    empty = clear._replace(
+        **{name: getattr(clear, name)[:0] for name in ("positions", "triangles", "normals", "colours")}
+    )
     write_geometry_shard(tmp_path, [(0, [clear]), (0, [opaque]), (0, [empty._replace(source_faces=None)])])
     mixed = opaque._replace(colours=opaque.colours.copy())
     mixed.colours[mixed.triangles[0, 0], 3] = 254

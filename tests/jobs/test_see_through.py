@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from jobs.detail.inner import MOST_LEVELS
 from jobs.importing.model import MeshView, Part, write_model
 from jobs.importing.reading.source_scene import SourceMesh
 from jobs.importing.repair import repair
@@ -93,6 +94,7 @@ def test_any_cut_stands_for_every_leaf_of_both_trees(built: Built) -> None:
         of = rows["node"][cut]
         assert (((of[:, None] <= own) & (own < nodes["end"][of][:, None])).sum(axis=0) == 1).all()
     assert rows["node"][cut].tolist() == roots(nodes).tolist()
+    assert (nodes["levels"][roots(nodes)] > MOST_LEVELS).all(), "there is nothing above either, so both go on"
     assert rows["triangles"][cut].sum() == coarsest_triangles(nodes, rows) < 100
 
 

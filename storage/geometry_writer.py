@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
 from storage.model.tables import DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
-from storage.model.tree import leaves
+from storage.model.tree import leaves, roots
 from storage.shards.columns import pack_names, pack_table
 from storage.shards.sections import GeometryCounts, GeometrySection
 from storage.shards.shards import Kind, ShardRecord, ShardWriter, write_shard
@@ -55,7 +55,8 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
     Holds a few packs in memory, never the shard. Level i of a node shares packs with level i of the nodes of the same
     height before and after it, so that what is drawn together is fetched together: pass nodes in spatial order.
     The order of a mesh's triangles and vertices is changed (see storage.meshes.mesh_order), its source faces move
-    along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together.
+    along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together, and
+    for a mesh of which some vertices are opaque and others not.
     """
     rows: list[tuple[int, int, int, int, int, float]] = []
     packs: list[tuple[int, int, int, int, int]] = []
@@ -68,6 +69,7 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
             members = open_packs.pop(kind)
             open_bytes.pop(kind)
             meshes = [mesh for _, mesh in members]
+            _check_alpha(meshes)
             frame = shard.add(Kind.GEOMETRY, pack(meshes))
             source_frame = -1
             if any(mesh.source_faces is not None for mesh in meshes):
@@ -126,7 +128,8 @@ def write_tables_shard(
 ) -> TablesShardRecord:
     """Writes the tables (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE) into one shard.
 
-    Raises ValueError where an index of one table points outside another.
+    Raises ValueError where an index of one table points outside another, and where a tree is neither all opaque nor all
+    to be seen through.
     """
     _check_tables(parts, part_names, instances, geometry, packs, nodes, drawables)
     tables = ((parts, PART), (instances, INSTANCE), (geometry, GEOMETRY), (packs, PACK), (nodes, NODE))
@@ -190,8 +193,24 @@ def _check_tables(
         drawables["level"], np.arange(len(drawables)) - np.repeat(starts, levels)
     ):
         raise ValueError("drawables must be in the order of their nodes, finest level first")
+    see_through = drawables["see_through"]
+    top = roots(nodes)
+    below = np.repeat(see_through[starts[top]], end[top] - top)
+    if not np.array_equal(see_through, np.repeat(below, levels)):
+        raise ValueError("all drawables of a tree must be see-through, or none")
+    if (see_through & drawables["one_sided"]).any():
+        raise ValueError("a drawable that can be seen through is not one-sided")
     if not np.array_equal(drawables["triangles"], geometry["triangles"][drawables["geometry"]]):
         raise ValueError("a drawable's number of triangles is not its geometry's")
+
+
+def _check_alpha(meshes: Sequence[MeshArrays]) -> None:
+    """Raises ValueError for a mesh of which some vertices are opaque and others not."""
+    alphas = [mesh.colours[:, 3] for mesh in meshes if len(mesh.colours)]
+    opaque = np.concatenate([np.zeros(0, np.uint8), *alphas]) == 255
+    starts = np.cumsum([0, *(len(alpha) for alpha in alphas)])[:-1]
+    if (np.logical_or.reduceat(opaque, starts) != np.logical_and.reduceat(opaque, starts)).any():
+        raise ValueError("a mesh must be opaque at all of its vertices or at none")
 
 
 def _is_preorder(end: NDArray[np.int64]) -> bool:

@@ -69,6 +69,7 @@ class PlacedNode(NamedTuple):
     geometry: int  # of the finest level; those of the others follow
     triangles: list[int]
     one_sided: list[bool]
+    see_through: bool
     errors: list[float]
     lo: np.ndarray  # (levels, 3) float64: the box of each
     hi: np.ndarray
@@ -77,6 +78,7 @@ class PlacedNode(NamedTuple):
 def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_geometry: int) -> list[PlacedNode]:
     """A node's levels at each of their places; their geometry counts up from first_geometry, finest level first."""
     levels = made.levels
+    see_through = bool(levels[0].colours[0, 3] < 255)  # one vertex tells: no node is of both kinds
     triangles, one_sided = [len(level.triangles) for level in levels], [level.one_sided for level in levels]
     placed = []
     for to in placements:
@@ -88,7 +90,9 @@ def place_levels(made: Node, placements: Sequence[Placement], grid: Grid, first_
         lo, hi = np.empty((len(levels), 3)), np.empty((len(levels), 3))
         for number, level in enumerate(levels):
             _placed_box(level.positions, to.matrix, moved, made.scale, grid.step, lo[number], hi[number])
-        placed.append(PlacedNode(to.part, to.instance, first_geometry, triangles, one_sided, errors, lo, hi))
+        placed.append(
+            PlacedNode(to.part, to.instance, first_geometry, triangles, one_sided, see_through, errors, lo, hi)
+        )
     return placed
 
 
@@ -106,6 +110,7 @@ def make_rows(placed: Sequence[PlacedNode]) -> tuple[np.ndarray, np.ndarray]:
     drawables["instance"] = np.repeat([own.instance for own in placed], counts)
     drawables["triangles"] = [count for own in placed for count in own.triangles]
     drawables["one_sided"] = [one for own in placed for one in own.one_sided]
+    drawables["see_through"] = np.repeat([own.see_through for own in placed], counts)
     stored = float32_up([error for own in placed for error in own.errors])
     for number in range(1, int(counts.max())):  # rounding must not make two levels' errors equal
         at = np.flatnonzero(level == number)
@@ -140,8 +145,8 @@ def join_nodes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The whole model's nodes and drawables.
 
-    end (n,) int64: the tree, see jobs.objects.tree; chunks: the places in the tree (k,), nodes (k,) and drawables of
-    each task, which have each node of the tree once; geometries: how many meshes each task stored. The box of each node
+    end (n,) int64: the trees, see jobs.objects.hierarchy; chunks: the places in them (k,), nodes (k,) and drawables of
+    each task, which have each node once; geometries: how many meshes each task stored. The box of each node
     grows to hold those below it.
     """
     places = np.concatenate([places for places, _, _ in chunks])

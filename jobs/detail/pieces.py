@@ -4,6 +4,7 @@
     make_pieces(model, meshes, options)      the pieces of some meshes
     save_pieces, open_pieces                 as files that are mapped into memory
 
+A mesh's triangles that can be seen through are parted as if they were a mesh of their own: no piece is of both kinds.
 What needs a whole mesh is worked out here: which triangles belong together, normals averaged across the borders of
 pieces, which vertices pieces share, and how far snapping to the grid moved the surface. What is cheap per triangle is
 done for a batch of meshes at once, so that thousands of boxes cost no more than one mesh of their size.
@@ -45,8 +46,9 @@ PIECE = np.dtype(
         ("hi", "<f8", (3,)),
         ("error", "<f8"),  # how far what is snapped lies from the imported triangles, both ways, in grid steps
         ("left_out", "<f8"),  # how far faces that are not drawn lie from the imported ones that are, 0 without any
-        ("outward", "?"),  # its components are closed (with their other pieces) and wound outward
+        ("outward", "?"),  # opaque, and its components are closed (with their other pieces) and wound outward
         ("split", "?"),  # it shares vertices with other pieces
+        ("see_through", "?"),  # all its triangles can be seen through; else none can
     ]
 )
 
@@ -140,8 +142,10 @@ def _batches(model: Model, mesh_ids: Sequence[int], options: DetailOptions) -> I
         )
         first_face = np.cumsum([0, *(len(view.triangles) for view in views)])
         grid_points, displacement = snapped(np.concatenate([view.positions for view in views]), scales[mesh_of_vertex])
-        size = options.partition.size * diagonal / (stretch * scales)
-        found = find_pieces(grid_points, mesh_of_vertex, triangles, len(batch), options.partition, size)
+        size = np.repeat(options.partition.size * diagonal / (stretch * scales), 2)
+        clear = np.concatenate([view.colours[:, 3] < 255 for view in views])
+        found = find_pieces(grid_points, 2 * mesh_of_vertex + clear, triangles, len(size), options.partition, size)
+        mesh, see_through = found.mesh >> 1, (found.mesh & 1).astype(np.bool_)
 
         corners = triangles[found.source].reshape(-1)
         normals, areas = face_normals(found.points, found.triangles)
@@ -152,22 +156,20 @@ def _batches(model: Model, mesh_ids: Sequence[int], options: DetailOptions) -> I
 
         count = len(found.start) - 1
         pieces = np.zeros(count, PIECE)
-        pieces["mesh"] = np.array(batch)[found.mesh]
+        pieces["mesh"] = np.array(batch)[mesh]
         pieces["start"], pieces["triangles"] = found.start[:-1], np.diff(found.start)
-        pieces["scale"] = scales[found.mesh]
-        pieces["lo"], pieces["hi"] = found.lo * scales[found.mesh, None], found.hi * scales[found.mesh, None]
+        pieces["scale"] = scales[mesh]
+        pieces["lo"], pieces["hi"] = found.lo * scales[mesh, None], found.hi * scales[mesh, None]
         pieces["error"] = np.maximum(errors, worst) * (1.0 + ROUNDING)
         pieces["left_out"] = np.where(worst >= 0, errors + worst, 0.0) * (1.0 + ROUNDING)
-        pieces["outward"] = found.outward
+        pieces["outward"], pieces["see_through"] = found.outward & ~see_through, see_through
         owners = np.argsort(found.sharing, kind="stable")
         vertices = np.repeat(np.arange(len(found.shared), dtype=np.int32), np.diff(found.sharing_start))
         touching = np.bincount(found.sharing, minlength=count)
         pieces["split"] = touching > 0
         yield PieceSet(
             pieces,
-            (found.source - first_face[found.mesh][np.repeat(np.arange(count), np.diff(found.start))]).astype(
-                np.uint32
-            ),
+            (found.source - np.repeat(first_face[mesh], np.diff(found.start))).astype(np.uint32),
             to_octahedral(shading).astype(np.int16),
             found.points[found.shared],
             found.sharing_start,

@@ -9,6 +9,7 @@ Read in this order:
     reading/       what readers share
     join           scenes of several files become one, in the first one's frame
     repair         defects are removed and counted
+    two_kinds      what is opaque and what can be seen through, apart
     far            what lies absurdly far from nearly all else is left out
     inputs         which files a model consists of, and a key of their content
     import_memory  how much memory an import takes, before it is begun

@@ -5,7 +5,8 @@ alpha of 0 at all corners (readers make it so where nothing of a face is to be s
 corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
 exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
 second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
-position, normal and colour become one.
+position, normal and colour become one. Vertices that opaque faces share with faces that can be seen through are doubled
+before: see `two_kinds`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.equal_rows import first_equal
 from jobs.importing.reading.source_scene import SourceMesh
 from jobs.importing.reading.vertex_colours import DEFAULT_COLOUR
+from jobs.importing.two_kinds import OPAQUE, two_kinds
 
 #: Positions beyond this are taken for garbage: no model needs them, and their squares stay far from overflow.
 FARTHEST = 1e15
@@ -63,6 +65,10 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
     if lost:
         counts[Defect.NORMAL] = lost
     colours = mesh.colours if mesh.colours is not None else np.full((len(positions), 4), DEFAULT_COLOUR, np.uint8)
+    if mesh.colours is not None and (colours[:, 3] < OPAQUE).any():
+        doubled, colours, triangles = two_kinds(colours, triangles)
+        positions, normals = (np.concatenate([array, array[doubled]]) for array in (positions, normals))
+        used = np.append(used, np.ones(len(doubled), bool))
     vertices, triangles = _compact(positions, normals, colours, used, triangles)
     counts = {defect: count for defect, count in counts.items() if count}
     return (

@@ -10,6 +10,6 @@ Read in this order:
     find            all of these over a batch of meshes: its pieces
     clustering      what is small is joined
     tree            the hierarchy of boxes
-    hierarchy       all of it, from placed pieces to a tree of objects
-    fragments       the tree in parts for tasks
+    hierarchy       all of it, from placed pieces to trees of objects: of what is opaque, of what can be seen through
+    fragments       the trees in parts for tasks
 """

@@ -43,7 +43,7 @@ def find_pieces(
 ) -> GridPieces:
     """Part triangles (m, 3) int64 over vertices at grid_points (n, 3) int32 of meshes mesh (n,) int32 into pieces.
 
-    size (meshes,): see `partition`. Vertices of different meshes are never welded.
+    size (meshes,): see `partition`. Those of different meshes are never welded. A mesh without triangles has no piece.
     """
     welded, first = weld(grid_points, mesh)
     label, count = components(welded[triangles], len(first))

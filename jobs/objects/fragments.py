@@ -1,4 +1,4 @@
-"""The tree in fragments: subtrees, and subtrees above these, each of about as much work as a task should have."""
+"""The trees in fragments: subtrees, and subtrees above these, each of about as much work as a task should have."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ OFFERED = 0.5
 
 @dataclass(frozen=True)
 class Fragment:
-    """A connected part of the tree."""
+    """A connected part of a tree."""
 
     root: int  # node
     stops: list[int]  # nodes below it that are roots of fragments of their own, increasing
     triangles: int  # that are worked on, about
 
 
-def plan_fragments(end: np.ndarray, triangles: np.ndarray, most: int) -> list[Fragment]:
-    """Part a tree into fragments of about `most` triangles of work each; those below others come first.
+def plan_fragments(end: np.ndarray, roots: np.ndarray, triangles: np.ndarray, most: int) -> list[Fragment]:
+    """Part trees into fragments of about `most` triangles of work each; those below others come first.
 
-    end (n,) int64: the tree, see jobs.objects.tree; triangles (n,) int64: of each leaf, 0 of inner nodes.
+    end (n,) int64, roots (trees,) int64: the trees, see jobs.objects.hierarchy; triangles (n,) int64: of each leaf,
+    0 of inner nodes. No fragment is of two trees.
     """
     n = len(end)
     work = triangles.astype(np.float64)
@@ -48,5 +49,6 @@ def plan_fragments(end: np.ndarray, triangles: np.ndarray, most: int) -> list[Fr
         stops[node] = stops[pair[0]] + stops[pair[1]]
         for child in pair:
             stops[child] = []
-    close(0)
+    for root in roots.tolist():
+        close(root)
     return found

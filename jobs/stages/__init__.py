@@ -6,7 +6,7 @@ Read in this order, in which `jobs.pipeline` lists them:
     common/        what stages share
     import_model   model files to parts
     pieces         parts to pieces, no larger than objects may be
-    hierarchy      pieces to objects, and the tree above them
+    hierarchy      pieces to objects, and the trees above them
     shared         levels of what is placed several times
     nodes          levels of all other nodes, from the leaves up
     tables         nodes and drawables of the whole model

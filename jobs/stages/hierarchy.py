@@ -1,4 +1,4 @@
-"""Hierarchy: pieces to objects, and the tree above them. One task, which sees boxes only."""
+"""Hierarchy: pieces to objects, and the trees above them. One task, which sees boxes only."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHAPES_PER_PIECE = 400
 
 @dataclass(frozen=True)
 class Payload:
-    """What decides the objects and their tree."""
+    """What decides the objects and their trees."""
 
     model: str  # digest
     pieces: tuple[str, ...]  # contents of all chunks
@@ -52,7 +52,7 @@ class Places:
 
 
 def tasks(state: BuildState) -> Tasks:
-    """The task: clusters, objects and the tree."""
+    """The task: clusters, objects and the trees."""
     imported, found = state.one(import_model.STAGE), state.all(pieces.STAGE)
     payload = Payload(
         model=imported.record["model"]["digest"],
@@ -65,7 +65,7 @@ def tasks(state: BuildState) -> Tasks:
 
 
 def make_hierarchy(work: Assignment) -> dict[str, Any]:
-    """All placed pieces to objects, and the tree above them."""
+    """All placed pieces to objects, and the trees above them."""
     from jobs.detail.assemble import largest_stretch
     from jobs.objects.hierarchy import PLACED_PIECE, build_hierarchy
 
@@ -80,13 +80,15 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
     piece = np.arange(part_start[-1]) - part_start[part] + mesh_start[model.parts["mesh"]][part]
     placed = np.zeros(len(piece), PLACED_PIECE)
     placed["piece"], placed["part"] = piece, part
-    placed["triangles"], placed["outward"] = rows["triangles"][piece], rows["outward"][piece]
+    for name in ("triangles", "outward", "see_through"):
+        placed[name] = rows[name][piece]
     placed["instanced"] = ~model.parts["identity"][part]
     placed["lo"], placed["hi"] = _placed_boxes(rows["lo"][piece], rows["hi"][piece], model.parts["matrix"][part])
     made = build_hierarchy(placed, payload.options, model.lo, model.hi)
     shapes = Shapes(
         end=made.tree.end,
         leaf=made.tree.leaf,
+        roots=made.roots,
         members=made.members,
         start=made.start,
         shared=made.shared,
@@ -112,10 +114,11 @@ def make_hierarchy(work: Assignment) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """The result of a hierarchy task: which placed pieces make which leaf, and the tree above."""
+    """The result of a hierarchy task: which placed pieces make which leaf, and the trees above."""
 
     end: np.ndarray  # (n,) int64: see jobs.objects.tree
     leaf: np.ndarray  # (n,) int64: the object of a leaf, -1 of inner nodes
+    roots: np.ndarray  # (trees,) int64: the node above all others of each tree; what can be seen through is the last's
     members: np.ndarray  # (p,) int64: placed pieces, object by object
     start: np.ndarray  # (objects + 1,) int64 into members
     shared: np.ndarray  # (objects,) bool: one placement of an instanced piece, with levels that all of them share

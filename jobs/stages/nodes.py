@@ -1,4 +1,4 @@
-"""Nodes: levels of all nodes that are not shared, from the leaves up. One task for each fragment of the tree.
+"""Nodes: levels of all nodes that are not shared, from the leaves up. One task for each fragment of a tree.
 
 A fragment's task can be made when those below it are finished: it starts from what their roots offer.
 """
@@ -93,7 +93,7 @@ class _Plan:
         leaves = np.flatnonzero(shapes.leaf >= 0)
         counts = shapes.placed["triangles"][shapes.members].astype(np.int64)
         triangles[leaves] = np.add.reduceat(counts, shapes.start[:-1])[shapes.leaf[leaves]]
-        self._fragments = plan_fragments(shapes.end, triangles, TRIANGLES)
+        self._fragments = plan_fragments(shapes.end, shapes.roots, triangles, TRIANGLES)
         self._above = {stop: fragment.root for fragment in self._fragments for stop in fragment.stops}
         self._by_root = {fragment.root: fragment for fragment in self._fragments}
         self._chunks = chunks_of_fragments(shapes, self._fragments)
@@ -162,7 +162,7 @@ def chunks_of_fragments(shapes: Shapes, fragments: Sequence[Fragment]) -> dict[i
 
 
 def make_nodes(work: Assignment) -> dict[str, Any]:
-    """The nodes of a fragment of the tree, from its leaves up to its root, and what the root offers."""
+    """The nodes of a fragment of a tree, from its leaves up to its root, and what the root offers."""
     from jobs.detail.offers import save_offers
 
     fragment = _Fragment(work.place, *work.read(Payload, Places))
@@ -173,7 +173,7 @@ def make_nodes(work: Assignment) -> dict[str, Any]:
 
 
 class _Branch(NamedTuple):
-    """A finished branch of the tree, as its parent sees it."""
+    """A finished branch of a tree, as its parent sees it."""
 
     offers: list[Offer]
     height: int  # 0: a leaf
@@ -188,6 +188,7 @@ class _Fragment:
         self._model = imported_model(place, places.model)
         self.grid = self._model.grid
         self._shapes = Shapes.open(place, places.hierarchy)
+        self._tops = frozenset(self._shapes.roots.tolist())
         self._crease = crease_cosine(payload.options)
         self._objects = self._shapes.object_of_placed()
         self._leaves_before: np.ndarray = np.cumsum(self._shapes.leaf >= 0) - (self._shapes.leaf >= 0)
@@ -235,7 +236,7 @@ class _Fragment:
 
         first = int(self._leaves_before[node])
         last = first + (int(self._shapes.end[node]) - node) // 2
-        inner = make_inner([left.offers, right.offers], first, last, self.grid.step, self._crease, node == 0)
+        inner = make_inner([left.offers, right.offers], first, last, self.grid.step, self._crease, node in self._tops)
         return _Branch(inner.offers, 1 + max(left.height, right.height)), inner.node
 
     def _postorder(self) -> Iterator[int]:

@@ -50,7 +50,7 @@ class Places:
 
 
 def tasks(state: BuildState) -> Tasks:
-    """The task: what is shared first, then the tree's fragments in the order of their roots."""
+    """The task: what is shared first, then the trees' fragments in the order of their roots."""
     imported, tree = state.one(import_model.STAGE), state.one(hierarchy.STAGE)
     in_tree = sorted(state.all(nodes.STAGE), key=lambda result: int(result.task.payload["root"]))
     written = [*state.all(shared.STAGE), *in_tree]

@@ -48,6 +48,7 @@ PACK = np.dtype(
 #: A node of the hierarchy with its levels: drawables first_drawable ... first_drawable + levels - 1, finest first.
 #: Nodes are in preorder: the nodes below node i are i + 1 ... end - 1, its first child is i + 1, the next sibling of
 #: a node is its `end`. A node stands for the same surface as its children together, and its box holds theirs.
+#: A build makes two trees at most: one of all that is opaque, and behind it one of all that can be seen through.
 NODE = np.dtype(
     [
         ("end", "<u4"),  # first node after all below this one; a leaf's own index + 1

@@ -19,6 +19,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from jobs.stages import hierarchy
+from storage.model.cut import coarsest_triangles
 from storage.model.tree import heights, leaves
 from tests.benchmarks.models import model_file
 from tests.jobs.built_geometry import build_geometry
@@ -59,9 +60,9 @@ def measure(name: str, folder: Path) -> dict[str, Any]:
         "triangles": int(finest.sum(dtype=np.int64)),
         "unique_triangles": unique,
         **{key: counts[key] for key in ("parts", "pieces", "clusters", "objects", "shared", "nodes")},
-        "tree_height": int(heights(geometry.nodes)[0]),
+        "tree_height": int(heights(geometry.nodes).max()),
         "drawables": len(geometry.drawables),
-        "root_triangles": int(geometry.drawables["triangles"][int(geometry.nodes["levels"][0]) - 1]),
+        "root_triangles": coarsest_triangles(geometry.nodes, geometry.drawables),
         "stored_triangles": stored,
         "bytes": size_on_disk,
         "bytes_per_unique_triangle": size_on_disk / unique,

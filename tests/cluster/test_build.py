@@ -12,6 +12,7 @@ import pytest
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
+from tests.jobs.glass_model import write_glass
 from tests.jobs.tiny_model import write_rooms
 
 pytestmark = pytest.mark.slow
@@ -38,6 +39,13 @@ def content(model, store, executor):
 
 def test_ray_writes_the_same_bytes(model, serial, ray_executor, tmp_path):
     assert content(model, tmp_path / "store", ray_executor) == serial
+
+
+def test_ray_writes_the_same_bytes_of_what_can_be_seen_through(ray_executor, tmp_path):
+    """Two trees, and tasks of both at once."""
+    glass = write_glass(tmp_path / "glass.ply")
+    serial = content(glass, tmp_path / "serial", SerialExecutor())
+    assert content(glass, tmp_path / "store", ray_executor) == serial
 
 
 def test_one_worker_writes_the_same_bytes_as_two(model, serial, ray_executor, tmp_path, monkeypatch):

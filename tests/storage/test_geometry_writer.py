@@ -30,7 +30,7 @@ def _mesh(seed: int, triangles: int = 50, scale: float = 1.0) -> MeshArrays:
         random.integers(-1000, 1000, (vertices, 3), dtype=np.int32),
         random.integers(0, vertices, (triangles, 3), dtype=np.uint32),
         normals.astype(np.float32),
-        random.integers(0, 256, (vertices, 4), dtype=np.uint8),
+        random.integers(0, 255, (vertices, 4), dtype=np.uint8),
         random.integers(0, 1000, (triangles, 2), dtype=np.uint32),
         scale,
     )
@@ -141,6 +141,38 @@ def test_tables_that_do_not_fit_are_refused(tmp_path: Path, table: str, field: s
     tables[table][field] = value
     with pytest.raises(ValueError, match=message):
         write_tables_shard(tmp_path, **tables)
+
+
+@pytest.mark.parametrize("forest", [False, True])
+def test_a_tree_is_all_opaque_or_all_to_be_seen_through(tmp_path: Path, forest: bool) -> None:
+    tables = _tables()
+    nodes, drawables = np.zeros(2, NODE), np.zeros(3, DRAWABLE)
+    nodes["end"], nodes["first_drawable"], nodes["levels"] = [1 if forest else 2, 2], [0, 2], [2, 1]
+    drawables["node"], drawables["level"], drawables["instance"] = [0, 0, 1], [0, 1, 0], -1
+    tables["nodes"], tables["drawables"] = nodes, drawables
+    for alike in ([0, 0, 0], [1, 1, 1], *([[0, 0, 1], [1, 1, 0]] if forest else [])):
+        drawables["see_through"] = alike
+        write_tables_shard(tmp_path, **tables)
+    for mixed in ([0, 1, 0], [1, 0, 0], *([] if forest else [[0, 0, 1]])):
+        drawables["see_through"] = mixed
+        with pytest.raises(ValueError, match="of a tree"):
+            write_tables_shard(tmp_path, **tables)
+    drawables["see_through"], drawables["one_sided"] = True, [0, 1, 0]
+    with pytest.raises(ValueError, match="one-sided"):
+        write_tables_shard(tmp_path, **tables)
+
+
+def test_a_mesh_is_all_opaque_or_all_to_be_seen_through(tmp_path: Path) -> None:
+    clear = _mesh(1)
+    opaque = clear._replace(colours=clear.colours | np.array([0, 0, 0, 255], np.uint8))
+    empty = clear._replace(
+        **{name: getattr(clear, name)[:0] for name in ("positions", "triangles", "normals", "colours")}
+    )
+    write_geometry_shard(tmp_path, [(0, [clear]), (0, [opaque]), (0, [empty._replace(source_faces=None)])])
+    mixed = opaque._replace(colours=opaque.colours.copy())
+    mixed.colours[mixed.triangles[0, 0], 3] = 254
+    with pytest.raises(ValueError, match="at all of its vertices"):
+        write_geometry_shard(tmp_path, [(0, [clear]), (0, [mixed])])
 
 
 def test_every_part_has_a_name(tmp_path: Path) -> None:

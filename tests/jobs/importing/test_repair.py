@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from jobs.importing.reading.defects import Defect
 from jobs.importing.reading.source_scene import SourceMesh
 from jobs.importing.repair import repair
+from jobs.importing.two_kinds import two_kinds
 from tests.jobs.importing.shapes import box, terrain
 
 
@@ -123,3 +124,61 @@ def test_repair_agrees_with_brute_force(faces, nans):
     assert sum(n for defect, n in counts.items() if defect != Defect.EMPTY) == len(faces) - len(expected)
     if mesh:
         assert np.array_equal(mesh.positions[mesh.triangles], positions[np.array(faces)[expected]])
+
+
+def test_opaque_faces_and_others_share_no_vertex():
+    """Two squares with a side in common: one corner beside it is thin, so one square can be seen through."""
+    positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 2], [4, 5, 2]])
+    colours = np.full((6, 4), 255, np.uint8)
+    colours[4, 3] = 100
+    mesh, counts = repair(SourceMesh("a", positions, triangles, colours=colours))
+    assert counts == {}
+    assert mesh.colours[mesh.triangles, 3].tolist() == [[255] * 3] * 2 + [[254, 100, 254], [100, 254, 254]]
+    assert np.array_equal(mesh.positions[mesh.triangles], positions[triangles])
+    assert len(mesh.positions) == 8, "the common side is there twice"
+
+
+def test_a_vertex_that_no_face_uses_parts_nothing():
+    positions, triangles = box()
+    colours = np.full((len(positions) + 1, 4), 255, np.uint8)
+    colours[-1, 3] = 0
+    mesh, _ = repair(SourceMesh("a", np.concatenate([positions, [[9, 9, 9]]]), triangles, colours=colours))
+    assert np.array_equal(mesh.positions, positions)
+    assert np.array_equal(mesh.triangles, triangles)
+    assert (mesh.colours == 255).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.5, 1.0]))
+def test_any_mesh_is_parted_into_both_kinds(seed, share):
+    """Each face keeps its place and its colours, but for what must become 254."""
+    rng = np.random.default_rng(seed)
+    positions, triangles = terrain()
+    triangles = triangles[rng.permutation(len(triangles))[: rng.integers(1, 40)]]
+    normals = rng.normal(size=positions.shape)
+    colours = rng.integers(0, 256, (len(positions), 4), np.uint8)
+    colours[rng.random(len(colours)) >= share, 3] = 255
+    mesh, _ = repair(SourceMesh("a", positions, triangles, normals, colours))
+    before, after = colours[triangles], mesh.colours[mesh.triangles]
+    clear = (before[..., 3] < 255).any(axis=1)
+    assert np.array_equal(after[~clear], before[~clear])
+    assert np.array_equal(after[..., :3], before[..., :3])
+    assert np.array_equal(after[clear, :, 3], np.minimum(before[clear, :, 3], 254))
+    assert np.array_equal(mesh.positions[mesh.triangles], positions[triangles])
+    unit = normals / np.linalg.norm(normals, axis=1)[:, None]
+    assert np.allclose(mesh.normals[mesh.triangles], unit[triangles], atol=1e-6)
+    rows = np.concatenate([mesh.positions, mesh.normals, mesh.colours], axis=1)
+    assert len(np.unique(rows, axis=0)) == len(rows) == len(np.unique(mesh.triangles))
+    assert not set(mesh.triangles[clear].ravel().tolist()) & set(mesh.triangles[~clear].ravel().tolist())
+
+
+def test_what_is_parted_already_stays():
+    positions, triangles = box()
+    colours = np.zeros((2 * len(positions), 4), np.uint8)
+    colours[: len(positions), 3] = 255
+    both = np.concatenate([triangles, triangles + len(positions)])
+    found = two_kinds(colours, both)
+    assert found.doubled.tolist() == []
+    assert np.array_equal(found.colours, colours)
+    assert np.array_equal(found.triangles, both)

@@ -44,7 +44,7 @@ def test_fragments_cover_the_tree(seed: int, count: int, most: int) -> None:
     tree = build_tree(*objects(seed, count))
     triangles = np.where(tree.leaf >= 0, 0, 0)
     triangles[tree.leaf >= 0] = objects(seed, count)[2][tree.leaf[tree.leaf >= 0]]
-    fragments = plan_fragments(tree.end, triangles, most)
+    fragments = plan_fragments(tree.end, np.zeros(1, np.int64), triangles, most)
     assert fragments[-1].root == 0
     done: set[int] = set()
     nodes: list[int] = []
@@ -96,3 +96,53 @@ def test_clusters_that_became_too_much_are_divided() -> None:
     for first, last in zip(made.start[:-1], made.start[1:], strict=True):
         own = np.sort(made.members[first:last])
         assert own.tolist() == list(range(own[0], own[0] + len(own)))
+
+
+def placed_boxes(seed: int, count: int) -> np.ndarray:
+    """Placed pieces: small ones near each other, large ones, instanced ones; some can be seen through."""
+    rng = np.random.default_rng(seed)
+    placed = np.zeros(count, PLACED_PIECE)
+    placed["piece"] = placed["part"] = np.arange(count)
+    placed["triangles"] = rng.integers(1, 4000, count)
+    placed["lo"] = rng.uniform(0, 9, (count, 3))
+    placed["hi"] = placed["lo"] + rng.uniform(0, 1, (count, 3)) ** 3
+    placed["instanced"] = rng.random(count) < 0.2
+    placed["see_through"] = rng.random(count) < rng.choice([0.0, 0.1, 0.5, 1.0])
+    placed["outward"] = (rng.random(count) < 0.5) & ~placed["see_through"]
+    return placed
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 120), st.sampled_from([500, 5000, 100_000]))
+def test_each_kind_has_the_tree_that_it_has_alone(seed: int, count: int, most: int) -> None:
+    placed = placed_boxes(seed, count)
+    options, box = ObjectOptions(clustering=Clustering(volume=0.05)), (np.zeros(3), np.full(3, 10.0))
+    made = build_hierarchy(placed, options, *box)
+    assert sorted(made.members.tolist()) == list(range(count))
+    kinds = [own for own in (np.flatnonzero(~placed["see_through"]), np.flatnonzero(placed["see_through"])) if len(own)]
+    assert len(made.roots) == len(kinds)
+    ends = [*made.roots[1:].tolist(), len(made.tree.end)]
+    objects = pieces = clusters = 0
+    for own, root, end in zip(kinds, made.roots.tolist(), ends, strict=True):
+        alone = build_hierarchy(placed[own], options, *box)
+        assert made.tree.end[root] == end
+        assert (made.tree.end[root:end] - root).tolist() == alone.tree.end.tolist()
+        leaf = made.tree.leaf[root:end]
+        assert np.where(leaf >= 0, leaf - objects, -1).tolist() == alone.tree.leaf.tolist()
+        assert made.tree.lo[root:end].tolist() == alone.tree.lo.tolist()
+        assert made.tree.hi[root:end].tolist() == alone.tree.hi.tolist()
+        last = objects + len(alone.shared)
+        assert (made.start[objects : last + 1] - pieces).tolist() == alone.start.tolist()
+        assert made.members[pieces : pieces + len(own)].tolist() == own[alone.members].tolist()
+        assert made.shared[objects:last].tolist() == alone.shared.tolist()
+        objects, pieces, clusters = last, pieces + len(own), clusters + alone.clusters
+    assert clusters == made.clusters
+    triangles = np.zeros(len(made.tree.end), np.int64)
+    triangles[made.tree.leaf >= 0] = np.add.reduceat(
+        placed["triangles"][made.members].astype(np.int64), made.start[:-1]
+    )
+    fragments = plan_fragments(made.tree.end, made.roots, triangles, most)
+    tops = set(made.roots.tolist())
+    assert {fragment.root for fragment in fragments} - {stop for f in fragments for stop in f.stops} == tops
+    for fragment in fragments:
+        assert not tops & set(fragment.stops)

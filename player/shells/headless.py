@@ -83,7 +83,9 @@ def render(
     context = headless_context()
     able = abilities(context, force_gl33=screen.force_gl33)
     size = (screen.width, screen.height)
-    target = Target(context, size, samples=screen.samples, reversed_depth=able.reversed_depth)
+    target = Target(
+        context, size, samples=screen.samples, reversed_depth=able.reversed_depth, see_through=model.see_through
+    )
     walk = Walkthrough(model, context, able, settings)
     whole: Walkthrough | None = None
     if compare:

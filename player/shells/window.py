@@ -217,6 +217,7 @@ class Viewer:
             tuple(self.window.buffer_size),
             samples=self.options.screen.samples,
             reversed_depth=self.able.reversed_depth,
+            see_through=self.model.see_through,
         )
 
     def _use_steering(self, offer: Offer) -> None:

@@ -17,7 +17,7 @@ from player.offers import named
 from player.renderer.context import Abilities
 from player.renderer.draw_list import draw_tables
 from player.renderer.renderer import Renderer, Style
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel
 from player.strategies.strategy import Strategy
 from storage.model.cut import cut_within

@@ -16,9 +16,9 @@ from player.renderer.arena import Arena
 from player.renderer.context import Abilities, use_depth_range
 from player.renderer.draw_list import DrawLists, DrawTables
 from player.renderer.facet_table import CellBox, FacetTable
-from player.renderer.layers import Overlay
 from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
-from player.renderer.target import Target
+from player.renderer.targets.layers import Overlay
+from player.renderer.targets.target import Target
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Surfaces are drawn relative to the eye in grid units: whole numbers subtract exactly in float32, so nothing trembles far
 from the origin. Light comes from the sky, from the ground, from one soft lamp above the viewer's shoulder, and from the
 viewer's head. Alpha is 1 where an opaque surface was drawn, else 0. What can be seen through is lit alike, and goes
-into the sums of player.renderer.layers.
+into the sums of player.renderer.targets.layers.
 """
 
 from __future__ import annotations
@@ -219,7 +219,7 @@ def surface(*, multi_draw: bool, see_through: bool) -> tuple[str, str]:
     """Vertex and fragment shader of surfaces.
 
     multi_draw: records come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3);
-    see_through: what they make goes into the sums of player.renderer.layers; otherwise it is opaque.
+    see_through: what they make goes into the sums of player.renderer.targets.layers; otherwise it is opaque.
     """
     version = "#version 430\n" if multi_draw else "#version 330\n"
     version += f"#define MULTI_DRAW {int(multi_draw)}\n#define SEE_THROUGH {int(see_through)}\n"
@@ -228,7 +228,7 @@ def surface(*, multi_draw: bool, see_through: bool) -> tuple[str, str]:
 
 
 def overlay(samples: int) -> tuple[str, str]:
-    """Vertex and fragment shader that lay the sums of player.renderer.layers over the opaque picture.
+    """Vertex and fragment shader that lay the sums of player.renderer.targets.layers over the opaque picture.
 
     samples: of a pixel in all three of their textures; 0: one, without multisampling. A texel is fetched by its sample
     where it has several, and else by its level of detail, which is 0.

@@ -72,7 +72,7 @@ class MultiDraw:
     """Multi-draw indirect: the commands lie in a buffer, records come as an instanced attribute."""
 
     def __init__(self, context: moderngl.Context, arena: Arena, *, see_through: bool) -> None:
-        """see_through: what it draws goes into the sums of player.renderer.layers; otherwise it is opaque."""
+        """see_through: what it draws goes into the sums of player.renderer.targets.layers; otherwise it is opaque."""
         self._context = context
         vertex, fragment = shaders.surface(multi_draw=True, see_through=see_through)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
@@ -117,7 +117,7 @@ class SingleDraws:
     """OpenGL 3.3: one call per run of neighbouring meshes of one tint, one per instanced mesh; records in a texture."""
 
     def __init__(self, context: moderngl.Context, arena: Arena, *, see_through: bool) -> None:
-        """see_through: what it draws goes into the sums of player.renderer.layers; otherwise it is opaque."""
+        """see_through: what it draws goes into the sums of player.renderer.targets.layers; otherwise it is opaque."""
         self._context = context
         vertex, fragment = shaders.surface(multi_draw=False, see_through=see_through)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)

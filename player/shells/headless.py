@@ -16,7 +16,7 @@ from PIL import Image
 from player.camera.path import CameraPath, write_whole
 from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shells.compare import Difference, Picture, difference, magnified
 from player.shown_model import ShownModel
 from player.strategies import FULL

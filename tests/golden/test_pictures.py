@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from player.camera.view import View
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.renderer.text import TextOverlay
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings

@@ -12,7 +12,7 @@ import pytest
 from player.camera.view import View, looking
 from player.errors import GraphicsError
 from player.renderer.context import abilities, headless_context
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from storage.geometry_reader import Geometry

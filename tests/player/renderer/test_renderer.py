@@ -11,7 +11,7 @@ import pytest
 from player.camera.view import View, looking
 from player.renderer.context import abilities
 from player.renderer.facet_table import CellBox
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from storage.store import Store

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from player.camera.view import View
 from player.renderer.context import depth_buffer
-from player.renderer.layers import Layers
+from player.renderer.targets.layers import Layers
 
 
 class Target:

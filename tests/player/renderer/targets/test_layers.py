@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from player.renderer.context import abilities
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from tests.player.conftest import UP, draw, view_from

@@ -25,6 +25,7 @@ class ShownModel:
     levels: NDArray[np.int64]  # (nodes,)
     parent: NDArray[np.int64]  # (nodes,) the node above each one, -1 above roots
     leaves: NDArray[np.int64]  # the nodes with none below them
+    see_through: bool  # something can be seen through
     lo: NDArray[np.float64]  # (3,) box of the whole model
     hi: NDArray[np.float64]
 
@@ -54,6 +55,7 @@ def shown_model(store: Store) -> ShownModel:
         levels=nodes["levels"].astype(np.int64),
         parent=parents(nodes),
         leaves=np.flatnonzero(leaves(nodes)),
+        see_through=bool(store.drawables["see_through"].any()),
         lo=np.asarray(store.manifest.model.lo, np.float64),
         hi=np.asarray(store.manifest.model.hi, np.float64),
     )

@@ -17,7 +17,7 @@ from player.offers import named
 from player.renderer.context import Abilities
 from player.renderer.draw_list import draw_tables
 from player.renderer.renderer import Renderer, Style
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel
 from player.strategies.strategy import Strategy
 from storage.model.cut import cut_within
@@ -127,8 +127,7 @@ class Walkthrough:
         drawn = stand_ins(choice.drawables, self.model, self._ready)
         draws = self.renderer.prepare(drawn.drawables, choice.within)
         prepared = time.perf_counter()
-        calls = self.renderer.draw(view, draws, target.framebuffer)
-        target.resolve()
+        calls = self.renderer.draw(view, draws, target)
         self._context.finish()
         finished = time.perf_counter()
         troubles = [*([choice.missing] if choice.missing else []), *self.packs.failures(packs)]
@@ -159,15 +158,17 @@ class Walkthrough:
     def distance(self, position: Vector, direction: Vector, up: Vector, probe: Target) -> float:
         """Distance in model units from `position` (3,) to the nearest surface drawn along a unit direction (3,).
 
+        What can be seen through is as solid as all else.
+
         Looks through a lens of 20 degrees at what the strategy would draw; infinite where there is nothing. up: any
-        direction (3,) across it; probe: a small target to draw into.
+        direction (3,) across it; probe: a small target to draw into, without layers.
         """
         near = max(1e-5 * self.model.extent, 2 * self.model.store.grid.step)
         width, height = probe.size
         view = View(position, looking(direction, up), 20.0, width, height, near, 4 * self.model.extent)
         choice = self._strategy.choose(view)
         ids = choice.drawables[self._ready(choice.drawables)]
-        self.renderer.draw(view, self.renderer.prepare(ids, choice.within), probe.framebuffer)
+        self.renderer.draw(view, self.renderer.prepare(ids, choice.within), probe)
         return probe.nearest(view, self.renderer.able.reversed_depth)
 
     def close(self) -> None:

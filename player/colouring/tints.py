@@ -14,6 +14,8 @@ class Colouring(Protocol):
     def __call__(self, nodes: np.ndarray, drawables: np.ndarray) -> NDArray[np.uint8]:
         """Red, green, blue (sRGB) and alpha of each drawable: (drawables, 4) uint8; alpha 0 keeps its own colours.
 
+        What can be seen through stays so, whatever its tint.
+
         nodes, drawables: a store's NODE and DRAWABLE arrays.
         """
         ...

@@ -8,7 +8,7 @@
     draw_list    what to draw: commands from drawables
     shaders      how surfaces, sky and text look
     surfaces     how a draw list is drawn
-    target       into what
+    targets/     into what; how what can be seen through is blended
     text         over it
     renderer     all of it together
 

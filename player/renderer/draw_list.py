@@ -1,5 +1,7 @@
 """From drawable ids to draw commands: one command per run of a mesh's triangles, however many instances show it.
 
+What can be seen through has a list of its own, for it is drawn after all that is opaque.
+
 Pure array functions; nothing here touches OpenGL.
 """
 
@@ -39,6 +41,7 @@ class DrawTables:
     geometry: NDArray[np.int64]  # (drawables,) index of the mesh
     record: np.ndarray  # RECORD (drawables,)
     side: NDArray[np.uint8]  # (drawables,) BOTH_SIDES, FRONT_ONLY, or BACK_ONLY for mirrored one-sided instances
+    see_through: NDArray[np.bool_]  # (drawables,) which can be seen through: all BOTH_SIDES
     pack: NDArray[np.int64]  # (geometries,) the pack that holds the mesh
     first_index: NDArray[np.int64]  # (geometries,) first index inside the pack
     indices: NDArray[np.int64]  # (geometries,)
@@ -52,7 +55,8 @@ def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarr
     record["placement"] = instance + 1
     sides = np.where(mirrored(instances["matrix"]), BACK_ONLY, FRONT_ONLY).astype(np.uint8)
     side = np.append(sides, np.uint8(FRONT_ONLY))[instance]
-    side[~drawables["one_sided"]] = BOTH_SIDES
+    see_through = np.ascontiguousarray(drawables["see_through"])
+    side[~drawables["one_sided"] | see_through] = BOTH_SIDES
     mesh = drawables["geometry"].astype(np.int64)
     users = FacetUsers(
         geometry=mesh,
@@ -65,6 +69,7 @@ def draw_tables(drawables: np.ndarray, geometry: np.ndarray, instances: np.ndarr
         geometry=mesh,
         record=record,
         side=side,
+        see_through=see_through,
         pack=geometry["pack"].astype(np.int64),
         first_index=geometry["triangle_start"].astype(np.int64) * 3,
         indices=geometry["triangles"].astype(np.int64) * 3,
@@ -84,7 +89,7 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class DrawList:
-    """Everything to draw one frame."""
+    """What is drawn together."""
 
     commands: np.ndarray  # COMMAND (n,)
     records: np.ndarray  # RECORD (drawables,) of each instance drawn, in the commands' order
@@ -92,6 +97,50 @@ class DrawList:
     triangles: int
     drawables: int
     turned: int  # triangles of these drawables that are left out: the view cell can only see their backs
+
+
+@dataclass(frozen=True, eq=False)
+class DrawLists:
+    """Everything to draw one frame."""
+
+    opaque: DrawList
+    see_through: DrawList | None  # None: nothing of it can be seen through
+
+    @property
+    def lists(self) -> tuple[DrawList, ...]:
+        """One after the other."""
+        return (self.opaque,) if self.see_through is None else (self.opaque, self.see_through)
+
+    @property
+    def triangles(self) -> int:
+        """How many triangles are drawn."""
+        return sum(one.triangles for one in self.lists)
+
+    @property
+    def drawables(self) -> int:
+        """How many drawables these are of."""
+        return sum(one.drawables for one in self.lists)
+
+    @property
+    def turned(self) -> int:
+        """Triangles of these drawables that are left out."""
+        return sum(one.turned for one in self.lists)
+
+
+def build_parted(
+    ids: NDArray[np.int64],
+    tables: DrawTables,
+    slab_of: NDArray[np.int32],
+    first_index: NDArray[np.int64],
+    facets: FacetTable,
+    cell: CellBox | None,
+) -> DrawLists:
+    """What is opaque of sorted drawable `ids` and what can be seen through, each as `build` makes it."""
+    arena = slab_of, first_index, facets, cell
+    see_through = tables.see_through[ids]
+    if not see_through.any():
+        return DrawLists(build(ids, tables, *arena), None)
+    return DrawLists(build(ids[~see_through], tables, *arena), build(ids[see_through], tables, *arena))
 
 
 def build(

@@ -14,9 +14,11 @@ from player.camera.view import View, normalised, up_vector
 from player.renderer import draw_list, instances, shaders
 from player.renderer.arena import Arena
 from player.renderer.context import Abilities, use_depth_range
-from player.renderer.draw_list import DrawList, DrawTables
+from player.renderer.draw_list import DrawLists, DrawTables
 from player.renderer.facet_table import CellBox, FacetTable
 from player.renderer.surfaces import MultiDraw, SingleDraws, SurfaceDrawer
+from player.renderer.targets.layers import Overlay
+from player.renderer.targets.target import Target
 
 
 @dataclass(frozen=True)
@@ -44,18 +46,24 @@ class Renderer:
         self._step = step
         self._style = style
         self._records = instances.record_texture(context, instances.records(matrices, step))
-        self._drawer: SurfaceDrawer = (MultiDraw if able.multi_draw else SingleDraws)(context, self.arena)
+        make: type[MultiDraw] | type[SingleDraws] = MultiDraw if able.multi_draw else SingleDraws
+        self._opaque: SurfaceDrawer = make(context, self.arena, see_through=False)
+        self._see_through: SurfaceDrawer | None = None
+        if tables.see_through.any():
+            self._see_through = make(context, self.arena, see_through=True)
+        self._overlay = Overlay(context)
         self._sky = context.program(vertex_shader=shaders.SKY[0], fragment_shader=shaders.SKY[1])
         self._sky_array = context.vertex_array(self._sky, [])
-        self._last: tuple[NDArray[np.int64], CellBox | None, int, DrawList] | None = None
+        self._last: tuple[NDArray[np.int64], CellBox | None, int, DrawLists] | None = None
         up = up_vector(style.up)
         lamp = normalised(np.roll(up, 1) * 0.45 + np.roll(up, 2) * 0.28 + up * 0.85)
-        surface = self._drawer.program
-        surface["u_records"] = 0
-        surface["u_up"] = tuple(up)
-        surface["u_lamp"] = tuple(lamp)
-        surface["u_fog"] = style.fog * step
-        surface["u_horizon"] = shaders.HORIZON
+        for drawer in self._drawers():
+            surface = drawer.program
+            surface["u_records"] = 0
+            surface["u_up"] = tuple(up)
+            surface["u_lamp"] = tuple(lamp)
+            surface["u_fog"] = style.fog * step
+            surface["u_horizon"] = shaders.HORIZON
         self._sky["u_up"] = tuple(up)
         self._sky["u_horizon"] = shaders.HORIZON
 
@@ -66,7 +74,7 @@ class Renderer:
         self._tables = replace(self._tables, record=record)
         self._last = None
 
-    def prepare(self, ids: NDArray[np.int64], cell: CellBox | None) -> DrawList:
+    def prepare(self, ids: NDArray[np.int64], cell: CellBox | None) -> DrawLists:
         """Draw commands for sorted drawable `ids`, whose packs must be in the arena; kept while nothing changes.
 
         cell: the eye is in this view cell, so that what it sees only from behind is left out; None: may be anywhere.
@@ -74,13 +82,16 @@ class Renderer:
         last = self._last
         if last is not None and last[1] is cell and last[2] == self.arena.version and np.array_equal(last[0], ids):
             return last[3]
-        draws = draw_list.build(ids, self._tables, self.arena.slab_of, self.arena.first_index, self.facets, cell)
+        draws = draw_list.build_parted(ids, self._tables, self.arena.slab_of, self.arena.first_index, self.facets, cell)
         self._last = (ids, cell, self.arena.version, draws)
         return draws
 
-    def draw(self, view: View, draws: DrawList, framebuffer: moderngl.Framebuffer) -> int:
-        """Draws the picture, background included, and returns the number of draw calls for surfaces."""
-        context = self.context
+    def draw(self, view: View, draws: DrawLists, target: Target) -> int:
+        """Draws the picture, background included, and returns the number of draw calls for surfaces.
+
+        What can be seen through is laid over the rest if the target has layers for it; else it is as solid as all else.
+        """
+        context, framebuffer, layers = self.context, target.framebuffer, target.layers
         framebuffer.use()
         context.viewport = (0, 0, view.width, view.height)
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
@@ -90,28 +101,43 @@ class Renderer:
             self._draw_sky(view)
         context.enable(moderngl.DEPTH_TEST)
         context.depth_func = ">" if self.able.reversed_depth else "<"
-        program = self._drawer.program
         camera = np.zeros((4, 4))
         camera[:3, :3] = view.rotation.T * self._step
         camera[3, 3] = 1
         clip = view.projection(self.able.reversed_depth) @ camera
-        _write(program, "u_clip", clip.T.astype(np.float32).tobytes())
         whole, rest = instances.split(view.position, self._step)
-        _write(program, "u_eye_whole", whole.tobytes())
-        _write(program, "u_eye_rest", rest.tobytes())
+        for drawer in self._drawers():
+            _write(drawer.program, "u_clip", clip.T.astype(np.float32).tobytes())
+            _write(drawer.program, "u_eye_whole", whole.tobytes())
+            _write(drawer.program, "u_eye_rest", rest.tobytes())
         self._records.use(0)
-        calls = self._drawer.draw(draws)
+        calls = self._opaque.draw(draws.opaque)
+        panes, pane_drawer = draws.see_through, self._see_through
+        if panes is not None and layers is None:
+            calls += self._opaque.draw(panes)
+        elif panes is not None and layers is not None and pane_drawer is not None:
+            layers.begin()
+            calls += pane_drawer.draw(panes)
+            layers.end()
         context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_depth_range(context, reversed_depth=False)
+        target.resolve()
+        if panes is not None and layers is not None:
+            self._overlay.draw(layers, target.resolved)
         return calls
 
     def release(self) -> None:
         """Frees everything on the GPU."""
-        self._drawer.release()
+        for drawer in self._drawers():
+            drawer.release()
+        self._overlay.release()
         self._sky_array.release()
         self._sky.release()
         self._records.release()
         self.arena.release()
+
+    def _drawers(self) -> tuple[SurfaceDrawer, ...]:
+        return (self._opaque,) if self._see_through is None else (self._opaque, self._see_through)
 
     def _draw_sky(self, view: View) -> None:
         half = math.tan(math.radians(view.field_of_view) / 2)

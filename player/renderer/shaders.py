@@ -1,8 +1,9 @@
-"""The shaders: surfaces, sky, and text over the picture.
+"""The shaders: surfaces, sky, what can be seen through laid over them, and text over the picture.
 
 Surfaces are drawn relative to the eye in grid units: whole numbers subtract exactly in float32, so nothing trembles far
 from the origin. Light comes from the sky, from the ground, from one soft lamp above the viewer's shoulder, and from the
-viewer's head. Alpha is 1 where a surface was drawn and 0 where only sky is seen.
+viewer's head. Alpha is 1 where an opaque surface was drawn, else 0. What can be seen through is lit alike, and goes
+into the sums of player.renderer.targets.layers.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ in vec4 in_colour;
 out vec3 v_relative;
 out vec3 v_normal;
 out vec3 v_colour;
+#if SEE_THROUGH
+out float v_alpha;
+#endif
 
 #if MULTI_DRAW
 in uvec2 in_record;         // placement, tint
@@ -70,6 +74,9 @@ void main() {
     v_normal = normal;
     vec4 tint = vec4((uvec4(own.y) >> uvec4(0u, 8u, 16u, 24u)) & 255u) / 255.0;
     v_colour = mix(in_colour.rgb, tint.rgb, tint.a);
+#if SEE_THROUGH
+    v_alpha = in_colour.a;
+#endif
     gl_Position = u_clip * vec4(relative, 1.0);
 }
 """
@@ -83,7 +90,13 @@ uniform vec3 u_horizon;     // colour of the sky's horizon, linear
 in vec3 v_relative;
 in vec3 v_normal;
 in vec3 v_colour;
+#if SEE_THROUGH
+in float v_alpha;
+layout(location = 0) out vec4 f_sum;
+layout(location = 1) out float f_weight;
+#else
 out vec4 f_colour;
+#endif
 
 void main() {
     vec3 to_eye = normalize(-v_relative);
@@ -103,7 +116,13 @@ void main() {
     vec3 colour = albedo * light + shine;
     colour = 1.4 * colour / (1.0 + 0.4 * colour);  // lifts what is dark, keeps what is white below white
     colour = mix(u_horizon, colour, exp(-u_fog * length(v_relative)));
+#if SEE_THROUGH
+    float alpha = clamp(v_alpha, 0.0, 1.0);
+    f_weight = alpha / length(v_relative);
+    f_sum = vec4(clamp(colour, 0.0, 1.0) * f_weight, alpha);
+#else
     f_colour = vec4(sqrt(clamp(colour, 0.0, 1.0)), 1.0);
+#endif
 }
 """
 
@@ -130,6 +149,38 @@ void main() {
         ? mix(u_horizon, zenith, 1.0 - exp(-2.6 * height))
         : mix(u_horizon, ground, 1.0 - exp(6.0 * height));
     f_colour = vec4(sqrt(colour), 0.0);
+}
+"""
+
+_OVERLAY_VERTEX = """#version 330
+void main() {
+    gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.5, 1.0);
+}
+"""
+
+_OVERLAY_FRAGMENT = """
+uniform SAMPLER u_opaque;   // sRGB
+uniform SAMPLER u_sums;     // weighted colours, linear; what all surfaces together let through
+uniform SAMPLER u_weights;
+out vec4 f_colour;
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    bool covered = false;
+    vec3 total = vec3(0.0);
+    for (int i = 0; i < SAMPLES; i++) {
+        vec3 seen = texelFetch(u_opaque, at, i).rgb;
+        float weight = texelFetch(u_weights, at, i).r;
+        if (weight > 0.0) {
+            vec4 sums = texelFetch(u_sums, at, i);
+            seen = sqrt(mix(sums.rgb / weight, seen * seen, sums.a));
+            covered = true;
+        }
+        total += seen;
+    }
+    if (!covered) {
+        discard;
+    }
+    f_colour = vec4(total / float(SAMPLES), 1.0);
 }
 """
 
@@ -164,11 +215,24 @@ SKY = (_SKY_VERTEX, _SKY_FRAGMENT)
 TEXT = (_TEXT_VERTEX, _TEXT_FRAGMENT)
 
 
-def surface(*, multi_draw: bool) -> tuple[str, str]:
+def surface(*, multi_draw: bool, see_through: bool) -> tuple[str, str]:
     """Vertex and fragment shader of surfaces.
 
-    multi_draw: records come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3).
+    multi_draw: records come as an attribute with base instance (OpenGL 4.3); otherwise from a texture (3.3);
+    see_through: what they make goes into the sums of player.renderer.targets.layers; otherwise it is opaque.
     """
     version = "#version 430\n" if multi_draw else "#version 330\n"
+    version += f"#define MULTI_DRAW {int(multi_draw)}\n#define SEE_THROUGH {int(see_through)}\n"
     vertex = _SURFACE_VERTEX.replace("RECORDS_PER_ROW", str(RECORDS_PER_ROW)).replace("OCTAHEDRAL_LIMIT", str(LIMIT))
-    return f"{version}#define MULTI_DRAW {int(multi_draw)}\n{vertex}", version + _SURFACE_FRAGMENT
+    return version + vertex, version + _SURFACE_FRAGMENT
+
+
+def overlay(samples: int) -> tuple[str, str]:
+    """Vertex and fragment shader that lay the sums of player.renderer.targets.layers over the opaque picture.
+
+    samples: of a pixel in all three of their textures; 0: one, without multisampling. A texel is fetched by its sample
+    where it has several, and else by its level of detail, which is 0.
+    """
+    sampler = "sampler2DMS" if samples else "sampler2D"
+    head = f"#version 330\n#define SAMPLER {sampler}\n#define SAMPLES {max(samples, 1)}\n"
+    return _OVERLAY_VERTEX, head + _OVERLAY_FRAGMENT

@@ -1,4 +1,7 @@
-"""Draws a draw list: one multi-draw call per batch on OpenGL 4.3, one call per mesh (or run of meshes) on 3.3."""
+"""Draws draw lists: one multi-draw call per batch on OpenGL 4.3, one call per mesh (or run of meshes) on 3.3.
+
+A drawer draws what is opaque, or what can be seen through: each kind has its own shader.
+"""
 
 from __future__ import annotations
 
@@ -68,9 +71,10 @@ class _Arrays:
 class MultiDraw:
     """Multi-draw indirect: the commands lie in a buffer, records come as an instanced attribute."""
 
-    def __init__(self, context: moderngl.Context, arena: Arena) -> None:
+    def __init__(self, context: moderngl.Context, arena: Arena, *, see_through: bool) -> None:
+        """see_through: what it draws goes into the sums of player.renderer.targets.layers; otherwise it is opaque."""
         self._context = context
-        vertex, fragment = shaders.surface(multi_draw=True)
+        vertex, fragment = shaders.surface(multi_draw=True, see_through=see_through)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self._commands = context.buffer(reserve=COMMAND.itemsize << 10, dynamic=True)
         self._records = context.buffer(reserve=RECORD.itemsize << 10, dynamic=True)
@@ -112,9 +116,10 @@ class MultiDraw:
 class SingleDraws:
     """OpenGL 3.3: one call per run of neighbouring meshes of one tint, one per instanced mesh; records in a texture."""
 
-    def __init__(self, context: moderngl.Context, arena: Arena) -> None:
+    def __init__(self, context: moderngl.Context, arena: Arena, *, see_through: bool) -> None:
+        """see_through: what it draws goes into the sums of player.renderer.targets.layers; otherwise it is opaque."""
         self._context = context
-        vertex, fragment = shaders.surface(multi_draw=False)
+        vertex, fragment = shaders.surface(multi_draw=False, see_through=see_through)
         self.program = context.program(vertex_shader=vertex, fragment_shader=fragment)
         self.program["u_order"] = 1
         self._order = context.texture((_ORDER_WIDTH, 1), 2, dtype="u4")

@@ -1,6 +1,7 @@
 """How two pictures of the same view differ: by brightness, and where one has a hole that the other has not.
 
-Pictures are (height, width, 4) uint8; alpha is 255 where a surface was drawn and 0 where none was.
+Pictures are (height, width, 4) uint8; alpha is 255 where an opaque surface was drawn and 0 where none was. So holes are
+looked for in what the pictures are without all that can be seen through, differences in the pictures as they are.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Difference:
 
     differing: float  # part of the pixels of which any channel differs by more than LEVELS
     differing_grey: float  # part of the pixels of which the brightness differs by more than LEVELS
-    holes: int  # pixels with surface in the full picture and only background in their 3x3 neighbourhood here
+    holes: int  # pixels with opaque surface in the full picture and only background in their 3x3 neighbourhood here
 
     @property
     def passed(self) -> bool:
@@ -47,7 +48,7 @@ def difference(picture: Picture, full: Picture) -> Difference:
 
 
 def holes(picture: Picture, full: Picture) -> NDArray[np.bool_]:
-    """Pixels (height, width) with surface in `full` and only background in their 3x3 neighbourhood in `picture`."""
+    """Pixels (height, width) with opaque surface in `full`, and none in their 3x3 neighbourhood in `picture`."""
     surface = np.pad(picture[..., 3] > 0, 1)
     rows = surface[:-2] | surface[1:-1] | surface[2:]
     near = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

@@ -16,7 +16,7 @@ from PIL import Image
 from player.camera.path import CameraPath, write_whole
 from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shells.compare import Difference, Picture, difference, magnified
 from player.shown_model import ShownModel
 from player.strategies import FULL
@@ -83,7 +83,9 @@ def render(
     context = headless_context()
     able = abilities(context, force_gl33=screen.force_gl33)
     size = (screen.width, screen.height)
-    target = Target(context, size, samples=screen.samples, reversed_depth=able.reversed_depth)
+    target = Target(
+        context, size, samples=screen.samples, reversed_depth=able.reversed_depth, see_through=model.see_through
+    )
     walk = Walkthrough(model, context, able, settings)
     whole: Walkthrough | None = None
     if compare:

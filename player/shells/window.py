@@ -21,7 +21,7 @@ from player.camera.view import Vector, View
 from player.errors import GraphicsError
 from player.offers import Offer, named, names
 from player.renderer.context import abilities
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.renderer.text import TextOverlay
 from player.shells.free_name import free_name
 from player.shells.head_up_display import Situation, message_rows, statistics_rows
@@ -217,6 +217,7 @@ class Viewer:
             tuple(self.window.buffer_size),
             samples=self.options.screen.samples,
             reversed_depth=self.able.reversed_depth,
+            see_through=self.model.see_through,
         )
 
     def _use_steering(self, offer: Offer) -> None:

@@ -17,12 +17,12 @@ import pytest
 from PIL import Image
 
 from player.camera.view import View
-from player.renderer.context import abilities
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.renderer.text import TextOverlay
 from player.shown_model import ShownModel, shown_model
-from player.walkthrough import Settings, Walkthrough
-from tests.player.conftest import context, room, view_from  # noqa: F401
+from player.walkthrough import Settings
+from tests.player.conftest import context, draw, room, view_from  # noqa: F401
+from tests.storage.tiny_store import TinyPart, box_part, make_store
 
 IMAGES = Path(__file__).with_name("images")
 
@@ -49,6 +49,38 @@ CASES: dict[str, tuple[View, Settings, dict[str, bool], int]] = {
     "under_the_table": (_UNDER_THE_TABLE, Settings(strategy="frustum"), {}, 0),
 }
 
+_PANE = view_from((1.2, 1.2, 1.9), (3, 1.6, -1.1), size=SIZE, field_of_view=60)
+_CROSSING = view_from((5.6, 2.0, 1.7), (1.0, 2.6, -0.55), size=SIZE, field_of_view=65)
+_ALL_GLASS = view_from((-0.8, -2.0, 3.6), (6, 6.2, -3.3), size=SIZE, field_of_view=60)
+
+#: Pictures of `glass_parts`.
+GLASS_CASES: dict[str, tuple[View, Settings, dict[str, bool], int]] = {
+    "pane": (_PANE, Settings(), {}, 0),
+    "pane_smooth": (_PANE, Settings(), {}, 4),
+    "crossing": (_CROSSING, Settings(), {}, 0),
+    "crossing_gl33": (_CROSSING, Settings(), {"force_gl33": True}, 0),
+    "glass": (_ALL_GLASS, Settings(strategy="frustum"), {}, 4),
+    "glass_fog": (_ALL_GLASS, Settings(strategy="frustum", fog=0.15), {}, 0),
+    "glass_objects": (_ALL_GLASS, Settings(strategy="frustum", colours="objects"), {}, 0),
+}
+
+
+def glass_parts() -> list[TinyPart]:
+    """A floor, a red box with a pane before it, and a blue and a yellow pane that cross; 8 x 6 x 3 units."""
+    return [
+        box_part("floor", (0, 0, -0.1), (8, 6, 0), segments=(4,), colour=(120, 110, 100, 255)),
+        box_part("box", (3.4, 2, 0), (4.6, 3.2, 1.2), segments=(2,), colour=(210, 30, 30, 255)),
+        box_part("pane", (2.6, 1.4, 0), (2.64, 3.0, 1.6), segments=(1,), colour=(90, 200, 170, 90)),
+        box_part("blue pane", (5.2, 4.5, 0), (7.8, 4.53, 1.5), segments=(1,), colour=(40, 70, 230, 120)),
+        box_part("yellow pane", (6.5, 3.2, 0), (6.53, 5.8, 1.3), segments=(1,), colour=(240, 210, 40, 120)),
+    ]
+
+
+@pytest.fixture(scope="module")
+def glass_model(tmp_path_factory: pytest.TempPathFactory) -> ShownModel:
+    """The model of `glass_parts`, of which each cell sees its whole cut."""
+    return shown_model(make_store(tmp_path_factory.mktemp("glass") / "store", glass_parts(), depth=1))
+
 
 @pytest.fixture(scope="module")
 def model(room: object) -> ShownModel:  # noqa: F811
@@ -59,14 +91,19 @@ def model(room: object) -> ShownModel:  # noqa: F811
 @pytest.mark.parametrize("name", CASES)
 def test_picture(context: moderngl.Context, model: ShownModel, name: str, tmp_path: Path) -> None:  # noqa: F811
     view, settings, force, samples = CASES[name]
-    able = abilities(context, **force)
-    target = Target(context, SIZE, samples=samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(model, context, able, settings)
-    walk.frame(view, target)
-    picture = target.read()[..., :3]
-    walk.close()
-    target.release()
-    check(context, name, picture, tmp_path)
+    check(context, name, draw(context, model, view, settings=settings, samples=samples, **force)[..., :3], tmp_path)
+
+
+@pytest.mark.parametrize("name", GLASS_CASES)
+def test_picture_of_glass(
+    context: moderngl.Context,  # noqa: F811
+    glass_model: ShownModel,
+    name: str,
+    tmp_path: Path,
+) -> None:
+    view, settings, force, samples = GLASS_CASES[name]
+    picture = draw(context, glass_model, view, settings=settings, samples=samples, **force)
+    check(context, name, picture[..., :3], tmp_path)
 
 
 def test_text(context: moderngl.Context, tmp_path: Path) -> None:  # noqa: F811

@@ -11,8 +11,10 @@ import pytest
 
 from player.camera.view import View, looking
 from player.errors import GraphicsError
-from player.renderer.context import headless_context
+from player.renderer.context import abilities, headless_context
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel, shown_model
+from player.walkthrough import Settings, Walkthrough
 from storage.geometry_reader import Geometry
 from storage.store import Store
 from tests.storage.tiny_store import make_store, room_parts
@@ -72,6 +74,35 @@ def view_from(
 def inside_view(size: tuple[int, int] = (160, 90)) -> View:
     """From a corner of the room to the other."""
     return view_from((0.6, 0.7, 1.9), (3.4, 2.3, -1.1), size=size)
+
+
+def draw(
+    context: moderngl.Context,
+    model: ShownModel,
+    view: View,
+    *,
+    settings: Settings | None = None,
+    samples: int = 0,
+    **force: bool,
+) -> np.ndarray:
+    """One picture (height, width, 4)."""
+    able = abilities(context, **force)
+    target = Target(
+        context,
+        (view.width, view.height),
+        samples=samples,
+        reversed_depth=able.reversed_depth,
+        see_through=model.see_through,
+    )
+    walk = Walkthrough(model, context, able, settings or Settings())
+    try:
+        walk.frame(view, target)
+        assert context.error == "GL_NO_ERROR"
+        return target.read()
+    finally:
+        walk.close()
+        target.release()
+        assert context.error == "GL_NO_ERROR"
 
 
 def store_path(store: Store) -> Path:

@@ -17,7 +17,7 @@ from player.camera.path import CameraPath, write_path
 from player.camera.view import View
 from player.loading import prefetch
 from player.renderer.context import abilities
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shells.headless import play
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import FrameStatistics, Settings, Walkthrough

@@ -11,7 +11,7 @@ from player.colouring.by_object import by_object
 from player.colouring.tints import untinted
 from player.offers import names
 from player.renderer.context import abilities
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel
 from player.walkthrough import Settings, Walkthrough
 from storage.model.tables import DRAWABLE, NODE

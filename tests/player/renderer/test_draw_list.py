@@ -16,6 +16,7 @@ from player.renderer.draw_list import (
     DrawList,
     DrawTables,
     build,
+    build_parted,
     draw_tables,
     merged_runs,
 )
@@ -35,6 +36,7 @@ def _tables(rng: np.random.Generator, drawables: int, meshes: int, packs: int) -
         geometry=geometry,
         record=record,
         side=rng.integers(0, 3, drawables).astype(np.uint8),
+        see_through=rng.random(drawables) < 0.3,
         pack=pack,
         first_index=rng.integers(0, 50, meshes) * 3,
         indices=indices,
@@ -77,6 +79,34 @@ def test_every_drawable_is_drawn_once_with_its_placement_and_tint(seed: int, cou
         for triangle in range(first, first + indices, 3)
     )
     assert singles == sorted((s, c, t, r) for s, c, f, n, r in expected for t in range(f, f + n, 3))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 30))
+def test_opaque_and_see_through_are_parted(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    tables = _tables(rng, 40, 12, 5)
+    arena = np.zeros(5, np.int32), np.zeros(5, np.int64), FacetTable(12), None
+    ids = np.sort(rng.choice(40, count, replace=False)).astype(np.int64)
+    parted, through = build_parted(ids, tables, *arena), tables.see_through[ids]
+    for found, some in ((parted.opaque, ids[~through]), (parted.see_through, ids[through])):
+        if found is None:
+            assert not len(some)
+            continue
+        expected = build(some, tables, *arena)
+        assert np.array_equal(found.commands, expected.commands)
+        assert np.array_equal(found.records, expected.records)
+        assert found.batches == expected.batches
+    whole = build(ids, tables, *arena)
+    assert (parted.triangles, parted.drawables, parted.turned) == (whole.triangles, whole.drawables, whole.turned)
+
+
+def test_both_sides_of_what_can_be_seen_through_are_drawn(room: Store) -> None:
+    drawables = room.drawables.copy()
+    drawables["see_through"][::2] = True
+    tables = draw_tables(drawables, room.geometry, room.instances, room.grid.step)
+    assert (tables.side[::2] == BOTH_SIDES).all()
+    assert (tables.side[1::2] != BOTH_SIDES).any()
+    assert np.array_equal(tables.see_through, drawables["see_through"])
 
 
 def _one_after_the_other(store: Store) -> tuple[np.ndarray, np.ndarray, FacetTable]:

@@ -11,37 +11,14 @@ import pytest
 from player.camera.view import View, looking
 from player.renderer.context import abilities
 from player.renderer.facet_table import CellBox
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.shown_model import ShownModel, shown_model
 from player.walkthrough import Settings, Walkthrough
 from storage.store import Store
-from tests.player.conftest import UP, inside_view, view_from
+from tests.player.conftest import UP, draw, inside_view, view_from
 from tests.storage.tiny_store import TinyPart, box_part, make_store
 
 _PATHS = [{}, {"force_gl33": True}, {"force_plain_depth": True}]
-
-
-def draw(
-    context: moderngl.Context,
-    model: ShownModel,
-    view: View,
-    *,
-    settings: Settings | None = None,
-    samples: int = 0,
-    **force: bool,
-) -> np.ndarray:
-    """One picture (height, width, 4)."""
-    able = abilities(context, **force)
-    target = Target(context, (view.width, view.height), samples=samples, reversed_depth=able.reversed_depth)
-    walk = Walkthrough(model, context, able, settings or Settings())
-    try:
-        walk.frame(view, target)
-        assert context.error == "GL_NO_ERROR"
-        return target.read()
-    finally:
-        walk.close()
-        target.release()
-        assert context.error == "GL_NO_ERROR"
 
 
 def first_hits(store: Store, view: View, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -134,8 +111,7 @@ def test_leaving_out_facets_that_turn_their_backs_changes_no_pixel(
                 pictures = []
                 for box in (None, CellBox(cell["lo"], cell["hi"])):
                     draws = walk.renderer.prepare(ids, box)
-                    walk.renderer.draw(view, draws, target.framebuffer)
-                    target.resolve()
+                    walk.renderer.draw(view, draws, target)
                     pictures.append(target.read())
                 assert np.array_equal(*pictures)
                 left_out += draws.turned

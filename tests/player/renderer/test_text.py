@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from player.renderer.target import Target
+from player.renderer.targets.target import Target
 from player.renderer.text import Atlas, TextOverlay, layout
 
 

@@ -21,7 +21,7 @@ from player.walkthrough import Settings
 from storage.geometry_reader import Geometry
 from storage.store import Store, open_store
 from tests.player.conftest import UP, store_path
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 SCREEN = Screen(96, 54, 70)
 
@@ -144,6 +144,22 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
     with Image.open(tmp_path / "f" / compared["images"]["difference"]) as image:
         shown = np.array(image)
     assert ((shown == (255, 0, 0)).all(axis=2)).sum() == worst["compare"]["holes"]
+
+
+@pytest.mark.parametrize("lacking", ["pane", "wall east"])
+def test_holes_are_counted_with_panes_left_out_and_differences_with_them(tmp_path: Path, lacking: str) -> None:
+    """A pane before the east wall: where the pane lacks there is no hole, where the wall does, one behind the pane."""
+    parts = [*room_parts(), box_part("pane", (7.5, 0, 0), (7.6, 6, 3), segments=(6,), colour=(20, 40, 200, 160))]
+    number = [part.name for part in parts].index(lacking)
+
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return cut[geometry.nodes["part"][geometry.drawables["node"][cut]] != number]
+
+    model = shown_model(make_store(tmp_path / "s", parts, depth=1, visible=visible))
+    compared = played(model, walk_along(5), Settings(), compare=True)[1].content["compare"]
+    assert not compared["passed"]
+    assert compared["largest_differing"] > 0.01
+    assert compared["holes"] == 0 if lacking == "pane" else compared["holes"] > 100
 
 
 def test_outside_the_computed_cells_there_is_a_picture(odd_room: Store) -> None:

@@ -23,8 +23,9 @@ from player.strategies import STRATEGIES
 from player.walkthrough import Settings
 from storage.shards.shards import shard_path
 from storage.store import Store, open_store
-from tests.player.conftest import store_path
+from tests.player.conftest import draw, store_path
 from tests.player.shells.test_headless import walk_along
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
 class Keys:
@@ -154,3 +155,28 @@ def test_a_window_stays_open_over_a_store_that_is_gone(room: Store, context: mod
     assert statistics.unreadable
     assert names_of_shards[0] in statistics.trouble
     viewer.close()
+
+
+def test_the_window_shows_panes_as_pictures_do(context: moderngl.Context, tmp_path: Path) -> None:
+    """Text is laid over each frame, the next one begins afresh; and the window may be resized."""
+    pane = box_part("pane", (2.5, 0, 0), (2.6, 6, 3), segments=(2,), colour=(20, 40, 200, 120))
+    model = shown_model(make_store(tmp_path / "s", [*room_parts(), pane], depth=1))
+    viewer = _viewer(context, model, tmp_path)
+    viewer.toggle_statistics()
+    for size in ((320, 180), (200, 120)):
+        viewer.window.buffer_size = size
+        viewer.window.fbo = context.framebuffer([context.renderbuffer(size, 4)])
+        deadline = time.monotonic() + 60
+        while viewer.statistics is None or viewer.walk.packs.pending or not viewer.statistics.computed:
+            viewer.step(0.0)
+            assert time.monotonic() < deadline
+        for _ in range(2):
+            viewer.step(0.0)
+        picture = draw(context, model, viewer.view())
+        assert np.array_equal(viewer.target.read(), picture)
+        shown = np.frombuffer(viewer.window.fbo.read(components=4, alignment=1), np.uint8).reshape(*size[::-1], 4)[::-1]
+        above = size[1] // 2  # the message
+        assert np.array_equal(shown[:above, :, :3], picture[:above, :, :3])
+        assert not np.array_equal(shown[above:, :, :3], picture[above:, :, :3])
+    viewer.close()
+    assert context.error == "GL_NO_ERROR"

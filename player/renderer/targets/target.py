@@ -1,4 +1,7 @@
-"""The picture that is drawn into: colour with coverage in alpha, and depth; read back or shown in a window."""
+"""The picture that is drawn into: colour with coverage in alpha, and depth; read back or shown in a window.
+
+Covered is what an opaque surface covers: what can be seen through changes colours alone.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +13,43 @@ from numpy.typing import NDArray
 
 from player.camera.view import View
 from player.renderer.context import depth_buffer
+from player.renderer.targets.layers import Layers
 
 
 class Target:
     """A framebuffer of `size` pixels, with `samples` per pixel (0: one, no multisampling)."""
 
-    def __init__(self, context: moderngl.Context, size: tuple[int, int], *, samples: int, reversed_depth: bool) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        size: tuple[int, int],
+        *,
+        samples: int,
+        reversed_depth: bool,
+        see_through: bool = False,
+    ) -> None:
+        """see_through: it has layers for what can be seen through; without them, that is drawn like all else."""
         self.size = size
         self._context = context
-        self._colour = context.renderbuffer(size, 4, samples=samples)
+        self._colour: moderngl.Texture | moderngl.Renderbuffer
         self._depth = depth_buffer(context, size, samples=samples, reversed_depth=reversed_depth)
+        self.layers: Layers | None = None
+        if see_through:
+            self._colour = context.texture(size, 4, samples=samples)
+            self.layers = Layers(context, self._colour, self._depth, samples=samples)
+        else:
+            self._colour = context.renderbuffer(size, 4, samples=samples)
         self.framebuffer = context.framebuffer([self._colour], self._depth)
-        self._resolved_colour = context.renderbuffer(size, 4) if samples else self._colour
+        self._resolved_colour = context.renderbuffer(size, 4) if samples or see_through else self._colour
         self.resolved = context.framebuffer([self._resolved_colour])  # without depth: that cannot be copied to a window
 
     def resolve(self) -> None:
-        """Makes `resolved` hold the finished picture."""
+        """Makes `resolved` hold what `framebuffer` holds."""
         if self._resolved_colour is not self._colour:
             self._context.copy_framebuffer(self.resolved, self.framebuffer)
 
     def read(self) -> NDArray[np.uint8]:
-        """The picture (height, width, 4), first row on top; alpha is 255 where a surface was drawn, 0 elsewhere."""
+        """The picture (height, width, 4), first row on top; alpha is 255 where opaque surfaces are, 0 elsewhere."""
         data = self.resolved.read(components=4, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(self.size[1], self.size[0], 4)[::-1].copy()
 
@@ -48,6 +67,8 @@ class Target:
     def release(self) -> None:
         """Frees the buffers."""
         self._context.detect_framebuffer(0).use()  # a framebuffer that is bound must not be deleted
+        if self.layers is not None:
+            self.layers.release()
         self.resolved.release()
         self.framebuffer.release()
         if self._resolved_colour is not self._colour:

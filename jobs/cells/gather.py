@@ -16,7 +16,7 @@ def gather(store: Geometry, ids: np.ndarray, settings: EngineSettings) -> Soup:
     rows = store.drawables[ids]
     surfaces = store.surfaces(ids)
     return build_soup(
-        ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts,
+        ids, rows["one_sided"], rows["see_through"], surfaces.points, surfaces.triangles, surfaces.triangle_counts,
         settings.cluster_size, settings.seal / store.grid.step,
     )  # fmt: skip
 

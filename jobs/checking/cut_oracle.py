@@ -46,6 +46,7 @@ class CutOracle:
         some = drawn.ravel() > 0
         self.things: NDArray[np.int64] = np.stack([2 * self._cut, 2 * self._cut + 1], axis=1).ravel()[some]
         self.starts: NDArray[np.int64] = np.concatenate([[0], np.cumsum(drawn.ravel()[some])])
+        self.see_through: NDArray[np.bool_] = self._store.drawables["see_through"][self.things // 2]
         self._held: dict[int, Oracle] = {}
 
     @property
@@ -81,6 +82,18 @@ class CutOracle:
             distance[nearer] = along[nearer]
         return found, distance
 
+    def passed(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], until: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """See `Triangles`."""
+        rays, triangles = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for portion, ids in enumerate(self._parts):
+            if self._store.drawables["see_through"][ids].any():
+                through, panes = self._oracle(portion).passed(origins, directions, until)
+                rays.append(through)
+                triangles.append(panes + self._bounds[portion])
+        return np.concatenate(rays), np.concatenate(triangles)
+
     def confirmed(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], numbers: NDArray[np.int64]
     ) -> NDArray[np.float64]:
@@ -100,7 +113,8 @@ class CutOracle:
         if portion in self._held:
             return self._held[portion]
         triangles, owner = self._placed(self._parts[portion])
-        oracle = Oracle(triangles, owner, self._store.drawables["one_sided"][owner // 2], self._cell)
+        one_sided, see_through = (self._store.drawables[name][owner // 2] for name in ("one_sided", "see_through"))
+        oracle = Oracle(triangles, owner, one_sided, see_through, self._cell)
         if self._bounds[portion + 1] <= HELD:
             self._held[portion] = oracle
         return oracle

@@ -3,6 +3,10 @@
 Shares no code with the visibility engine: it knows triangles, rays and boxes only. Every hit that would accuse the
 engine is confirmed in double precision first, because Embree's single precision lets rays slip between triangles that
 meet along an edge.
+
+Rays go on through what can be seen through, and note it on their way. A ray that has noted something starts again a
+little behind it, so of two panes in the very same place it notes one; but whoever aims at a pane knows where it is, and
+needs to ask only how far the ray gets.
 """
 
 from __future__ import annotations
@@ -17,6 +21,10 @@ from embreex.mesh_construction import TriangleMesh
 
 #: A ray goes through at most this many backs of one-sided drawables.
 MOST_PASSES = 64
+#: A ray goes through at most this many triangles that can be seen through.
+MOST_PANES = 256
+#: A ray that is aimed at a pane sees it where nothing stops the ray up to this much behind it, in ray lengths.
+BEHIND = 1e-5
 #: Triangles of which it is found out at once to which side they face.
 SIDES_AT_ONCE = 1 << 16
 #: Rays per suspected drawable that are confirmed in double precision before it is let go.
@@ -46,21 +54,34 @@ class Triangles(Protocol):
         """(k + 1,) int64: triangles starts[i] ... starts[i + 1] - 1 are those of thing i."""
         ...
 
+    @property
+    def see_through(self) -> np.ndarray:
+        """(k,) bool which things can be seen through: they stop no ray."""
+        ...
+
     def corners(self, numbers: np.ndarray) -> np.ndarray:
         """The corners (n, 3, 3) float32 of triangles (n,), in model units."""
         ...
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
+        """Where rays from origins (n, 3) float32 along directions (n, 3) float32 are stopped.
 
-        Returns the triangles (n,) int64, -1 where nothing is hit, and the distances (n,) float64 in ray lengths.
+        Returns the triangles (n,) int64, -1 where nothing stops them, and the distances (n,) float64 in ray lengths.
+        """
+        ...
+
+    def passed(self, origins: np.ndarray, directions: np.ndarray, until: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What such rays go through before they have gone `until` (n,) float64 ray lengths.
+
+        Returns the numbers of rays (k,) int64 and of triangles (k,) int64, in no particular order. Of what lies in the
+        very same place only one is sure to be there.
         """
         ...
 
     def confirmed(self, origins: np.ndarray, directions: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Distances (n,) float64 at which rays (n, 3) float32 meet triangles (n,), in double precision and ray lengths.
 
-        nan where another thing's triangle that counts comes first, or lies at the very same place.
+        nan where another thing's triangle that stops them comes first, or lies at the very same place.
         """
         ...
 
@@ -95,6 +116,7 @@ class Oracle:
         triangles: np.ndarray,
         owner: np.ndarray,
         one_sided: np.ndarray,
+        see_through: np.ndarray | None = None,
         cell: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
         """Take the cut.
@@ -103,6 +125,8 @@ class Oracle:
             triangles: (m, 3, 3) float32 corners in model units.
             owner: (m,) int64 drawable of each triangle.
             one_sided: (m,) bool: hits on the triangle's back do not count; the ray goes on.
+            see_through: (m,) bool, the same for all of a drawable: the ray goes on as well, but has seen it; None: no
+                triangle.
             cell: lo and hi (3,) float64 of the box in which all rays begin, in model units; None: they begin anywhere.
 
         Which side of a triangle a ray meets is known from where it begins. So triangles that turn their backs to the
@@ -111,6 +135,7 @@ class Oracle:
         self._triangles = triangles
         self._owner = owner
         self._one_sided = one_sided
+        self._see_through = np.zeros(len(triangles), np.bool_) if see_through is None else see_through
         fronts, backs = ~one_sided, np.zeros(len(triangles), np.bool_)
         if cell is not None:
             for first in range(0, len(triangles), SIDES_AT_ONCE):
@@ -118,8 +143,9 @@ class Oracle:
                 in_front, behind = _sides(triangles[some], *cell)
                 fronts[some] |= in_front
                 backs[some] = behind & one_sided[some]
-        self._fronts = np.flatnonzero(fronts)
-        self._mixed = np.flatnonzero(~fronts & ~backs)
+        self._fronts = np.flatnonzero(fronts & ~self._see_through)
+        self._mixed = np.flatnonzero(~fronts & ~backs & ~self._see_through)
+        self._panes = np.flatnonzero(~backs & self._see_through)
 
     @cached_property
     def things(self) -> np.ndarray:
@@ -131,14 +157,19 @@ class Oracle:
         """See `Triangles`."""
         return np.append(np.searchsorted(self._owner, self.things), len(self._owner))
 
+    @cached_property
+    def see_through(self) -> np.ndarray:
+        """See `Triangles`."""
+        return self._see_through[self.starts[:-1]]
+
     def corners(self, numbers: np.ndarray) -> np.ndarray:
         """See `Triangles`."""
         return self._triangles[numbers]
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First hits that count of rays from origins (n, 3) float32 along directions (n, 3) float32.
+        """Where rays from origins (n, 3) float32 along directions (n, 3) float32 are stopped.
 
-        Returns the triangles (n,) int64, -1 where nothing is hit, and the distances (n,) float64 in ray lengths.
+        Returns the triangles (n,) int64, -1 where nothing stops them, and the distances (n,) float64 in ray lengths.
 
         A ray that passes a back starts again a little behind it, and would step over a front in the very same place,
         such as that of a slab which touches a wall that the ray leaves. So rays that meet a back first are cast again,
@@ -153,6 +184,31 @@ class Oracle:
             other[back], along[back] = self._cast_through_backs(origins[back], directions[back], distance[back])
         nearer = along < distance
         return np.where(nearer, other, found), np.where(nearer, along, distance)
+
+    def passed(self, origins: np.ndarray, directions: np.ndarray, until: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Triangles`."""
+        rays, triangles = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        waiting = np.arange(len(origins) if len(self._panes) else 0)
+        gone = np.zeros(len(origins))
+        # rounding the next start to float32 must not put it before what was met
+        least = 2.0**-21 * np.abs(origins).max(axis=1) / np.maximum(np.abs(directions).max(axis=1), 1e-30)
+        for _ in range(MOST_PANES):
+            if not len(waiting):
+                break
+            start = (origins[waiting] + gone[waiting, None] * directions[waiting]).astype(np.float32)
+            triangle, along = self._pane_scene.hit(start, directions[waiting])
+            met = (triangle >= 0) & (gone[waiting] + along < until[waiting])
+            waiting, triangle, along = waiting[met], triangle[met], along[met]
+            shown = ~self._backs(triangle, directions[waiting])
+            rays.append(waiting[shown])
+            triangles.append(triangle[shown])
+            gone[waiting] = (gone[waiting] + along) * (1 + 1e-6) + least[waiting]
+        return np.concatenate(rays), np.concatenate(triangles)
+
+    @cached_property
+    def _pane_scene(self) -> _Scene:
+        """Triangles that can be seen through."""
+        return _Scene(self._triangles, self._panes)
 
     @cached_property
     def _front_scene(self) -> _Scene:
@@ -212,7 +268,7 @@ class Oracle:
         return self._triangles.min(axis=1), self._triangles.max(axis=1)
 
     def confirm(self, origin: np.ndarray, direction: np.ndarray, triangle: int, *, alone: bool = True) -> float:
-        """Whether a ray meets a triangle before all others, in double precision.
+        """Whether a ray meets a triangle before all others that stop it, in double precision.
 
         Args:
             origin, direction: (3,) float32, taken as exact.
@@ -220,7 +276,7 @@ class Oracle:
                 may be the one that is seen.
 
         Returns:
-            The distance in ray lengths, or nan where another drawable's triangle that counts comes first.
+            The distance in ray lengths, or nan where another drawable's triangle that stops it comes first.
         """
         distance = distance_to(self._triangles[triangle], origin, direction)
         owner = int(self._owner[triangle])
@@ -236,7 +292,7 @@ class Oracle:
     def blocks(
         self, origin: np.ndarray, direction: np.ndarray, distance: float, owner: int, *, alone: bool = True
     ) -> bool:
-        """Whether a ray meets a triangle that counts before it has gone `distance`, in double precision.
+        """Whether a ray meets a triangle that stops it before it has gone `distance`, in double precision.
 
         owner: whose triangles do not count; the rest as in `confirm`.
         """
@@ -244,7 +300,8 @@ class Oracle:
         reach = o + d * distance
         low, high = np.minimum(o, reach), np.maximum(o, reach)
         lowest, highest = self._boxes
-        near = np.flatnonzero(((lowest <= high) & (highest >= low)).all(axis=1) & (self._owner != owner))
+        others = (self._owner != owner) & ~self._see_through
+        near = np.flatnonzero(((lowest <= high) & (highest >= low)).all(axis=1) & others)
         blockers = self._triangles[near].astype(np.float64)
         at, met = _intersect(blockers, o, d, -1e-9)
         normal = np.cross(blockers[:, 1] - blockers[:, 0], blockers[:, 2] - blockers[:, 0])
@@ -323,7 +380,7 @@ class Findings:
     missed: list[Sight]  # drawables seen but not reported, confirmed in double precision
     refuted: int  # suspected drawables whose hits double precision did not confirm
     uniform: int  # rays in uniform directions
-    missed_rays: int  # of these, met one of the missed drawables first
+    missed_rays: int  # of these, saw one of the missed drawables
 
 
 def examine(
@@ -337,7 +394,8 @@ def examine(
     """Look for drawables that can be seen from a cell but are not reported.
 
     A third of the rays go in uniform directions, the rest are aimed at random points of drawables not seen so far:
-    half of these at drawables that were not reported. The rays start on the cell's surface, its corners included.
+    half of these at drawables that were not reported. The rays start on the cell's surface, its corners included. They
+    see what they are stopped by, and what they go through before.
 
     Args:
         triangles: those of the cell's whole cut, drawables being the things.
@@ -349,30 +407,39 @@ def examine(
     drawables, starts = triangles.things, triangles.starts
     rays = 0
 
-    def shoot(*groups: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Casts groups of rays, all at once; the drawables that the rays of the last group met."""
+    def shoot(groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+        """Casts groups of rays, all at once: origins, directions, and the triangles that they are aimed at or -1.
+
+        Returns rays (h,) of the last group, by their numbers, and drawables (h,) that they saw.
+        """
         nonlocal rays
-        all_origins, all_directions = (np.concatenate(parts) for parts in zip(*groups, strict=True))
-        rays += len(all_origins)
-        found, _ = triangles.cast(all_origins, all_directions)
-        met = np.zeros(0, np.int64)
-        ends = np.cumsum([len(origins) for origins, _ in groups])[:-1]
-        for (origins, directions), numbers in zip(groups, np.split(found, ends), strict=True):
-            hits = np.flatnonzero(numbers >= 0)
-            met = drawables[np.searchsorted(starts, numbers[hits], side="right") - 1]
-            _, once = np.unique(numbers[hits], return_index=True)
-            for ray, drawable in zip(hits[once].tolist(), met[once].tolist(), strict=True):
+        origins, directions, aims = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+        rays += len(origins)
+        found, along = triangles.cast(origins, directions)
+        through, panes = triangles.passed(origins, directions, along)
+        stopped = np.flatnonzero(found >= 0)
+        aimed = np.flatnonzero((aims >= 0) & (along > 1 + BEHIND))
+        aimed = aimed[triangles.see_through[np.searchsorted(starts, aims[aimed], side="right") - 1]]
+        who = np.concatenate([stopped, through, aimed])
+        numbers = np.concatenate([found[stopped], panes, aims[aimed]])
+        whom = drawables[np.searchsorted(starts, numbers, side="right") - 1]
+        ends = np.cumsum([len(group[0]) for group in groups])
+        for begin, end in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True):
+            own = np.flatnonzero((who >= begin) & (who < end))
+            _, once = np.unique(numbers[own], return_index=True)
+            for hit in own[once].tolist():
+                drawable = int(whom[hit])
                 if drawable in known:
                     seen.add(drawable)
                 else:
                     rows = suspects.setdefault(drawable, [])
                     if len(rows) < CONFIRMATIONS:
-                        rows.append((origins[ray], directions[ray], int(numbers[ray])))
-        return met
+                        rows.append((origins[who[hit]], directions[who[hit]], int(numbers[hit])))
+        return who[own] - begin, whom[own]
 
     uniform = samples - 2 * (samples // 3)
     points = surface_points(lo, hi, uniform, rng)
-    first = shoot((points, rng.normal(size=(uniform, 3)).astype(np.float32)))
+    who, whom = shoot([(points, rng.normal(size=(uniform, 3)).astype(np.float32), np.full(uniform, -1, np.int64))])
     left = samples - uniform
     rounds = 4
     for part in range(rounds):
@@ -392,19 +459,19 @@ def examine(
             weights = rng.dirichlet((1.0, 1.0, 1.0), number)
             targets = (triangles.corners(triangle).astype(np.float64) * weights[:, :, None]).sum(axis=1)
             origins = surface_points(lo, hi, number, rng)[rng.permutation(number)]
-            groups.append((origins, (targets - origins).astype(np.float32)))
+            groups.append((origins, (targets - origins).astype(np.float32), triangle))
         if groups:
-            shoot(*groups)
+            shoot(groups)
 
     missed = _confirmed(triangles, suspects)
     seen.update(sight.drawable for sight in missed)
-    missed_rays = int(np.isin(first, [sight.drawable for sight in missed]).sum())
+    missed_rays = len(np.unique(who[np.isin(whom, [sight.drawable for sight in missed])]))
     refuted = len(suspects) - len(missed)
     return Findings(rays, np.array(sorted(seen), np.int64), missed, refuted, uniform, missed_rays)
 
 
 def _confirmed(triangles: Triangles, suspects: dict[int, list[tuple[np.ndarray, np.ndarray, int]]]) -> list[Sight]:
-    """The drawables that one of the rays (origin, direction, triangle) kept of each surely meets first, sorted."""
+    """The drawables that one of the rays (origin, direction, triangle) kept of each surely sees, sorted."""
     missed: dict[int, Sight] = {}
     for attempt in range(CONFIRMATIONS):
         asked = {d: rows[attempt] for d, rows in suspects.items() if d not in missed and attempt < len(rows)}

@@ -129,7 +129,7 @@ class Engine:
         self.settings = settings
         self._mesh = seen_mesh.make_mesh(
             soup.vertices, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses,
-            soup.triangle_drawable, soup.one_sided, ROWS if soup.gaps else 0,
+            soup.triangle_drawable, soup.one_sided, soup.see_through, ROWS if soup.gaps else 0,
         )  # fmt: skip
         self._clusters = make_clusters(
             soup.cluster_start, soup.cluster_drawable, soup.cluster_lo, soup.cluster_hi, soup.cluster_breadth
@@ -207,8 +207,12 @@ class Engine:
         return CellVisibility(soup.drawables[visible], soup.drawables[proven])
 
     def _standing(self, places: np.ndarray) -> ray_tree.Scene:
-        """What rays may meet: drawables (s,), positions in the soup."""
-        return ray_tree.prune(self._scene, self._tree, places)
+        """What stops rays: those of some drawables (s,), positions in the soup, that cannot be seen through."""
+        return ray_tree.prune(self._scene, self._tree, places[~self.soup.see_through[places]])
+
+    def _panes(self, places: np.ndarray) -> ray_tree.Scene:
+        """What rays go on through: those of some drawables (s,), positions in the soup, that can be seen through."""
+        return ray_tree.prune(self._scene, self._tree, places[self.soup.see_through[places]])
 
     def _decide(
         self,
@@ -267,7 +271,8 @@ class Engine:
         """What item buffers show from the cell's corners.
 
         Args:
-            places: (k,) drawables, as positions in the soup, in front of which nothing else can be.
+            places: (k,) drawables, as positions in the soup, in front of which nothing else can be. Those that can be
+                seen through are not drawn: they would take the pixels of what is behind them.
             most_triangles: stop as soon as drawables of more triangles than this are seen.
         """
         soup = self.soup
@@ -275,7 +280,7 @@ class Engine:
         triangle = np.full((count, len(soup.drawables)), -1, np.int32)
         pixel = np.zeros((count, len(soup.drawables)), np.int32)
         drawn = np.zeros(len(soup.drawables), np.bool_)
-        drawn[places] = True
+        drawn[places] = ~soup.see_through[places]
         for number, corner in enumerate(PROOF_CORNERS[:count]):
             item_buffer.see(
                 self._mesh, self._clusters, drawn, np.array(corner) * EYE, self.settings.proof_resolution,
@@ -327,7 +332,7 @@ class Engine:
         soup = self.soup
         seen, proven = (np.zeros(len(soup.drawables), np.bool_) for _ in range(2))
         standing = self._standing(places)
-        aimed_rays.scatter(standing, lo, hi, self.settings.sampling_rays, seen, proven)
+        aimed_rays.scatter(standing, self._panes(places), lo, hi, self.settings.sampling_rays, seen, proven)
         if most_triangles is not None and soup.triangle_counts[seen].sum() > most_triangles:
             return None
         self._aim(standing, places, lo, hi, self.settings.sampling_aimed_rays, proven)
@@ -339,14 +344,16 @@ class Engine:
     def count_misses(
         self, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray, visible: np.ndarray, rng: np.random.Generator
     ) -> int:
-        """How many of `settings.hold_out_rays` meet first what is not reported: those pixels would be wrong.
+        """How many of `settings.hold_out_rays` meet what is not reported: those pixels would be wrong.
+
+        Rays go on through what can be seen through, up to what they meet first besides.
 
         The rays start anywhere on the cell's surface in any direction, evenly spread, and took no part in sampling.
 
         Args:
             lo, hi, cut: as for `visible_from`; visible: what it reported.
         """
-        reported = self.soup.places(visible)
+        reported, places = self.soup.places(visible), self.soup.places(cut)
         drawn = np.zeros(len(self.soup.drawables), np.bool_)
         drawn[reported] = True
         count = self.settings.hold_out_rays
@@ -356,6 +363,7 @@ class Engine:
         )
         starts = lo + (hi - lo) * part
         missed = aimed_rays.count_misses(
-            self._standing(self.soup.places(cut)), self._standing(reported), drawn, starts, rng.normal(size=(count, 3))
-        )
+            self._standing(places), self._standing(reported), self._panes(places[~drawn[places]]), drawn, starts,
+            rng.normal(size=(count, 3)),
+        )  # fmt: skip
         return int(missed)

@@ -69,7 +69,8 @@ def check(case: Case, engine: Engine, number: int, lo: np.ndarray, hi: np.ndarra
     for start in range(0, rays // 10, PORTION):
         count = min(PORTION, rays // 10 - start)
         eyes = surface_points(lo, hi, 8, rng)[rng.integers(0, 8, count)]
-        left -= _confirmed(case, eyes, rng.normal(size=(count, 3)).astype(np.float32), left)
+        anywhere = rng.normal(size=(count, 3)).astype(np.float32)
+        left -= _confirmed(case, eyes, anywhere, np.full(count, -1, np.int64), left)
     for drawable in sorted(left):
         if _is_seen(case, lo, hi, drawable, rng):
             left.remove(drawable)
@@ -88,20 +89,29 @@ def _is_seen(case: Case, lo: np.ndarray, hi: np.ndarray, drawable: int, rng: np.
         if attempt % 2 == 0:
             eyes = eyes[rng.integers(0, 8, TRY)]  # the corners
         weights = rng.dirichlet((1.0, 1.0, 1.0), TRY)
-        targets = (corners[rng.integers(0, last - first, TRY)] * weights[:, :, None]).sum(axis=1)
-        if _confirmed(case, eyes, (targets - eyes).astype(np.float32), {drawable}):
+        aims = rng.integers(0, last - first, TRY)
+        targets = (corners[aims] * weights[:, :, None]).sum(axis=1)
+        if _confirmed(case, eyes, (targets - eyes).astype(np.float32), first + aims, {drawable}):
             return True
     return False
 
 
-def _confirmed(case: Case, origins: np.ndarray, directions: np.ndarray, wanted: set[int]) -> set[int]:
-    """Which of some drawables rays from origins (n, 3) float32 along directions (n, 3) float32 meet first."""
-    hits, _ = case.oracle.cast(origins, directions)
-    drawables = np.where(hits >= 0, case.owner[hits], -1)
+def _confirmed(case: Case, origins: np.ndarray, directions: np.ndarray, aims: np.ndarray, wanted: set[int]) -> set[int]:
+    """Which of some drawables rays from origins (n, 3) float32 along directions (n, 3) float32 surely see.
+
+    aims: (n,) int64 triangles that they end in, -1: none.
+    """
+    hits, along = case.oracle.cast(origins, directions)
+    through, panes = case.oracle.passed(origins, directions, along)
+    aimed = np.flatnonzero((aims >= 0) & (along > 1))
+    rays = np.concatenate([np.flatnonzero(hits >= 0), through, aimed])
+    hits = np.concatenate([hits[hits >= 0], panes, aims[aimed]])
+    drawables = case.owner[hits]
     confirmed: set[int] = set()
     for drawable in wanted:
-        for ray in np.flatnonzero(drawables == drawable)[:CONFIRMED]:
-            if not np.isnan(case.oracle.confirm(origins[ray], directions[ray], int(hits[ray]), alone=False)):
+        for hit in np.flatnonzero(drawables == drawable)[:CONFIRMED]:
+            ray = rays[hit]
+            if not np.isnan(case.oracle.confirm(origins[ray], directions[ray], int(hits[hit]), alone=False)):
                 confirmed.add(drawable)
                 break
     return confirmed

@@ -71,13 +71,14 @@ class Case:
         rows = self.geometry.drawables[self.ids]
         surfaces = self.geometry.surfaces(self.ids)
         self.soup = build_soup(
-            self.ids, rows["one_sided"], surfaces.points, surfaces.triangles, surfaces.triangle_counts,
-            EngineSettings().cluster_size, seal / self.unit / self.geometry.grid.step,
+            self.ids, rows["one_sided"], rows["see_through"], surfaces.points, surfaces.triangles,
+            surfaces.triangle_counts, EngineSettings().cluster_size, seal / self.unit / self.geometry.grid.step,
         )  # fmt: skip
         self.owner = np.repeat(self.ids, surfaces.triangle_counts)
         corners = surfaces.points[surfaces.triangles] * self.geometry.grid.step
         self.triangles = np.ascontiguousarray(corners, np.float32)
-        self.oracle = Oracle(self.triangles, self.owner, self.geometry.drawables["one_sided"][self.owner])
+        one_sided, see_through = (self.geometry.drawables[name][self.owner] for name in ("one_sided", "see_through"))
+        self.oracle = Oracle(self.triangles, self.owner, one_sided, see_through)
 
     def persons(self, count: int) -> np.ndarray:
         """(count, 3) eyes of persons: at random above floors that have a ceiling and walls."""

@@ -4,6 +4,12 @@ Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian,
 High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 5.2 (occluder fusion seen from
 one projection point inside the cell), with another way of shrinking: only past edges that can be silhouettes.
 
+**What hides.** Only what cannot be seen through. Below, all triangles of a set S are opaque, and x is seen from p where
+the segment between them crosses no opaque triangle; x may be a point of anything. What can be seen through has no side
+(`seen_mesh.CLEAR`), so it is in no core and no set, and an edge that an opaque triangle shares with it alone is not
+safe. Nothing else changes: S may be any set of opaque triangles, however many panes lie between them, and what lies in
+front of x or behind it is no matter. As x, what can be seen through is looked at as all else.
+
 **Safe edges.** For a triangle t and the cell V, its side (see `seen_mesh`) is +1 or -1 where V lies strictly on one
 side of t's plane, else 0. orient3d(p, a, b, c) for an edge a-b of t and its third corner c is, up to the direction of
 the edge, this side.

@@ -5,6 +5,9 @@ no proof. What remains is that nothing of another drawable stands before that po
 where backs are not drawn; both are claimed only with a margin some thousand times float64's rounding (`ray_tree`). So
 exact arithmetic would say the same: what is called proven can be seen.
 
+What can be seen through stands before nothing: it is left out of the scenes that rays are blocked in, and is looked at
+as anything else is.
+
 Only what is reported as visible must be looked at: what is hidden from the whole cell cannot stand before anything that
 somebody in the cell sees.
 
@@ -28,7 +31,10 @@ from jobs.visibility.surfaces.ray_tree import (
     edge_volumes,
     find_blocker,
     find_first,
+    inverse,
     may_block,
+    met_at,
+    next_bundle,
 )
 from storage.base.kernels import allocating_kernel, kernel
 
@@ -216,42 +222,63 @@ def _aim(
 
 @allocating_kernel()
 def scatter(
-    scene: Scene, lo: np.ndarray, hi: np.ndarray, rays: int, seen: np.ndarray,
+    scene: Scene, panes: Scene, lo: np.ndarray, hi: np.ndarray, rays: int, seen: np.ndarray,
     proven: np.ndarray,
 ) -> None:  # fmt: skip
-    """Rays from all over the cell's surface in all directions.
+    """Rays from all over the cell's surface in all directions, through what can be seen through.
 
     Args:
-        scene: of all that there is.
+        scene: of all that hides what is behind it; panes: of all that can be seen through.
         lo, hi: (3,) float64 the cell in grid units.
         rays: how many.
-        seen: (drawables,) bool, set to True where a ray meets a drawable first.
+        seen: (drawables,) bool, set to True where a ray meets a drawable first, or on its way to what it meets first.
         proven: (drawables,) bool, set to True where that is proven.
     """
-    ray, towards = make_ray(), np.empty(3)
+    ray, towards, over, stack = make_ray(), np.empty(3), np.empty(3), np.empty(STACK, np.int32)
     for number in range(rays):
         start_of(number, lo, hi, ray.o)
         for k in range(3):
             towards[k] = 2.0 * spread(number, k) - 1.0
-        t, _ = find_first(scene, ray.o, towards, ray.over, ray.stack)
-        if t < 0:
-            continue
-        drawable = scene.triangle_drawable[t]
-        seen[drawable] = True
-        if not proven[drawable]:
-            wa, wb = where_met(scene, t, ray.o, towards)
-            if look(scene, t, drawable, wa, wb, ray, -1) == SEEN:
-                proven[drawable] = True
+        t, until = find_first(scene, ray.o, towards, ray.over, ray.stack)
+        if t >= 0:
+            _note(scene, t, towards, ray, seen, proven)
+        inverse(towards, over)
+        stack[0] = 0
+        c, count = next_bundle(panes, ray.o, over, until, stack, min(len(panes.child), 1))
+        while c >= 0:
+            for t in range(panes.bundle_start[c], panes.bundle_start[c + 1]):
+                one_sided = panes.one_sided[panes.triangle_drawable[t]]
+                if 0 < met_at(panes, t, one_sided, ray.o, towards) < until:
+                    _note(scene, t, towards, ray, seen, proven)
+            c, count = next_bundle(panes, ray.o, over, until, stack, count)
+
+
+@kernel()
+def _note(scene: Scene, t: int, towards: np.ndarray, ray: Ray, seen: np.ndarray, proven: np.ndarray) -> None:
+    """Triangle t is seen where it is met on the way towards (3,) from ray.o; see `scatter`."""
+    drawable = scene.triangle_drawable[t]
+    seen[drawable] = True
+    if not proven[drawable]:
+        wa, wb = where_met(scene, t, ray.o, towards)
+        if look(scene, t, drawable, wa, wb, ray, -1) == SEEN:
+            proven[drawable] = True
 
 
 @allocating_kernel()
 def count_misses(
-    scene: Scene, drawn: Scene, drawable_drawn: np.ndarray, starts: np.ndarray, directions: np.ndarray
+    scene: Scene,
+    drawn: Scene,
+    panes: Scene,
+    drawable_drawn: np.ndarray,
+    starts: np.ndarray,
+    directions: np.ndarray,
 ) -> int:
-    """How many rays meet first what is not drawn.
+    """How many rays meet first what is not drawn, or on the way to what they meet first.
 
     Args:
-        scene: of all that there is; drawn: of what is drawn of it; drawable_drawn: (drawables,) bool the same.
+        scene: of all that hides what is behind it; drawn: of what is drawn of it; drawable_drawn: (drawables,) bool the
+            same.
+        panes: of what can be seen through and is not drawn.
         starts: (n, 3) float64 grid units; directions: (n, 3) float64.
     """
     over = np.empty(3)
@@ -260,10 +287,13 @@ def count_misses(
     for number in range(len(starts)):
         o, d = starts[number], directions[number]
         t, at = find_first(scene, o, d, over, stack)
-        if t < 0 or drawable_drawn[scene.triangle_drawable[t]]:
-            continue
-        # what lies in the very same place is drawn in its stead
-        other, also = find_first(drawn, o, d, over, stack)
-        if other < 0 or also > at * (1.0 + SAME):
+        if t >= 0 and not drawable_drawn[scene.triangle_drawable[t]]:
+            # what lies in the very same place is drawn in its stead
+            other, also = find_first(drawn, o, d, over, stack)
+            if other < 0 or also > at * (1.0 + SAME):
+                missed += 1
+                continue
+        pane, before = find_first(panes, o, d, over, stack)
+        if pane >= 0 and before < at * (1.0 - SAME):
             missed += 1
     return missed

@@ -1,7 +1,8 @@
 """Item buffers from points of a cell: what they show can be seen, but for rounding.
 
 A pixel's centre is a ray; the nearest triangle that it meets is seen. `aimed_rays` makes a proof of it. A tree is gone
-down from near to far, and what lies behind all that its box touches is not drawn.
+down from near to far, and what lies behind all that its box touches is not drawn. What can be seen through is for rays
+alone to find: it would hide here what is behind it.
 
 Based on: N. Greene, M. Kass, G. Miller: Hierarchical Z-Buffer Visibility, SIGGRAPH 1993.
 """

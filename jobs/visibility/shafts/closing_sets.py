@@ -13,6 +13,8 @@ changes only where it passes an edge, since its ends never touch S. Past a safe 
 triangles (it goes on beyond the edge, or the edge would touch U); past one of the second kind it crosses S elsewhere,
 before and after. So the number stays at least 1. (Passing through a vertex is avoided by moving the ends a little.)
 
+As in `occluders`, S is of opaque triangles, and U may be part of anything.
+
 S is flooded from a triangle that a segment surely crosses, over the edges that meet the shaft. Where an edge is not
 safe, a set S' is looked for of which all edges are, and that closes the shaft from V to the edge's part in the shaft,
 or the one from that part to U; the first kind alone proves that. Then all segments through the edge cross S', the edge
@@ -78,7 +80,7 @@ def forget_marks(work: Work) -> None:
 def _occludes(scene: Scene, mesh: Mesh, t: int, whole: bool, centre: np.ndarray, half: np.ndarray) -> int:
     """The side of triangle t on which a part of the cell lies, 0 where it may not occlude; whole: all of the cell."""
     drawable = scene.triangle_drawable[t]
-    if not mesh.active[drawable]:
+    if not mesh.active[drawable] or mesh.see_through[drawable]:
         return 0
     side = look(mesh, t)
     if side == 0 and not whole:

@@ -8,7 +8,8 @@ its projection point (`projection_point`, with the proof); its occluders are dra
 pixels in full, and what they hide is taken from the list of what may be seen (`shrunk_depths`). The paper asks of whole
 objects whether one cluster hides them; here triangles are asked, which hides more: an object may be hidden by several
 clusters. As clusters of fewer occluders shrink less and larger ones hide more together, directions are cut coarsely,
-then finer. Bent groups of triangles, of which the paper speaks without a rule for shrinking them, are not used.
+then finer. Bent groups of triangles, of which the paper speaks without a rule for shrinking them, are not used, and
+neither are polygons that can be seen through.
 """
 
 from __future__ import annotations

@@ -475,6 +475,24 @@ def find_blocker(
                 return t
 
 
+@kernel(inline="always")
+def met_at(scene: Scene, t: int, one_sided: bool, o: np.ndarray, d: np.ndarray) -> float:
+    """Where the line from o along d meets triangle t, in lengths of d; 0 where it passes beside, or meets a back that
+    lets it pass.
+    """
+    i0, i1, i2 = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
+    ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
+    bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]
+    cx, cy, cz = scene.vertices[i2, 0] - o[0], scene.vertices[i2, 1] - o[1], scene.vertices[i2, 2] - o[2]
+    va, vb, vc = edge_volumes(ax, ay, az, bx, by, bz, cx, cy, cz, d)
+    along = va + vb + vc
+    beside = (va < 0 or vb < 0 or vc < 0) and (va > 0 or vb > 0 or vc > 0)
+    at = 0.0
+    if not (beside or along == 0 or (along > 0 and one_sided)):
+        at = (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / along
+    return at
+
+
 @kernel()
 def find_first(scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, stack: np.ndarray) -> tuple[int, float]:
     """The triangle that a ray from o along d meets first, and where, in ray lengths; -1 where it meets none.
@@ -494,17 +512,6 @@ def find_first(scene: Scene, o: np.ndarray, d: np.ndarray, work: np.ndarray, sta
         for t in range(scene.bundle_start[c], scene.bundle_start[c + 1]):
             if beside >> (t - scene.bundle_start[c]) & 1:
                 continue
-            i0, i1, i2 = scene.triangles[t, 0], scene.triangles[t, 1], scene.triangles[t, 2]
-            ax, ay, az = scene.vertices[i0, 0] - o[0], scene.vertices[i0, 1] - o[1], scene.vertices[i0, 2] - o[2]
-            bx, by, bz = scene.vertices[i1, 0] - o[0], scene.vertices[i1, 1] - o[1], scene.vertices[i1, 2] - o[2]
-            cx, cy, cz = scene.vertices[i2, 0] - o[0], scene.vertices[i2, 1] - o[1], scene.vertices[i2, 2] - o[2]
-            va, vb, vc = edge_volumes(ax, ay, az, bx, by, bz, cx, cy, cz, d)
-            if (va < 0 or vb < 0 or vc < 0) and (va > 0 or vb > 0 or vc > 0):
-                continue
-            along = va + vb + vc
-            if along == 0 or (along > 0 and scene.one_sided[drawable]):
-                continue
-            to_plane = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-            at = to_plane / along
+            at = met_at(scene, t, scene.one_sided[drawable], o, d)
             if 0 < at < nearest:
                 found, nearest = t, at

@@ -15,8 +15,10 @@ from storage.base.kernels import kernel
 
 #: What a triangle's side is besides +1 (the whole cell lies before its plane, so it sees the front only), -1 (behind
 #: it) and 0 (the plane meets the cell, or passes too near to tell; triangles that are not in the cut). TURNED: behind
-#: it, and the triangle is one-sided, so that nobody in the cell sees it. UNKNOWN: nobody has looked yet.
-TURNED, UNKNOWN = -2, 2
+#: it, and the triangle is one-sided, so that nobody in the cell sees it. UNKNOWN: nobody has looked yet. CLEAR: before
+#: or behind it, but the triangle can be seen through and hides nothing: its sides are no matter, and no edge of it is
+#: safe.
+TURNED, UNKNOWN, CLEAR = -2, 2, 3
 
 
 class Mesh(NamedTuple):
@@ -29,13 +31,14 @@ class Mesh(NamedTuple):
     edge_uses: np.ndarray  # (3 m,) int32
     triangle_drawable: np.ndarray  # (m,) int32
     one_sided: np.ndarray  # (drawables,) bool
+    see_through: np.ndarray  # (drawables,) bool: they hide nothing
     active: np.ndarray  # (drawables,) bool what is in the cell's cut
     centre: np.ndarray  # (3,) float64 the cell's middle, in grid units
     half: np.ndarray  # (3,) float64 half its extents
     q: (
         np.ndarray
     )  # (n or more, 3) float64 vertices in cell coordinates: those of triangles of the cut that were looked at
-    side: np.ndarray  # (m,) int8: -2 ... 2, see above
+    side: np.ndarray  # (m,) int8: -2 ... 3, see above
     looked: np.ndarray  # (m,) int32 the triangles that were looked at
     looked_count: np.ndarray  # (1,) int64 how many
 
@@ -48,12 +51,13 @@ def make_mesh(
     edge_uses: np.ndarray,
     triangle_drawable: np.ndarray,
     one_sided: np.ndarray,
+    see_through: np.ndarray,
     more_rows: int = 0,
 ) -> Mesh:
     """A mesh for any number of cells, one after the other; `q` gets some rows more than there are vertices."""
     m = len(triangles)
     return Mesh(
-        vertices, triangles, triangle_edges, edge_start, edge_uses, triangle_drawable, one_sided,
+        vertices, triangles, triangle_edges, edge_start, edge_uses, triangle_drawable, one_sided, see_through,
         np.zeros(len(one_sided), np.bool_), np.zeros(3), np.ones(3), np.zeros((len(vertices) + more_rows, 3)),
         np.full(m, UNKNOWN, np.int8), np.empty(m, np.int32), np.zeros(1, np.int64),
     )  # fmt: skip
@@ -84,7 +88,7 @@ def look(mesh: Mesh, t: int) -> int:
 
 @kernel(inline="always")
 def may_occlude(mesh: Mesh, t: int) -> bool:
-    """Whether all of the cell lies on one side of triangle t, from which it is seen."""
+    """Whether all of the cell lies on one side of triangle t, from which it is seen and cannot be seen through."""
     return abs(look(mesh, t)) == 1
 
 
@@ -104,6 +108,8 @@ def _look_first(mesh: Mesh, t: int) -> int:
         side = side_of(mesh.vertices, mesh.triangles, t, mesh.centre, mesh.half)
         if side < 0 and mesh.one_sided[drawable]:
             side = TURNED
+        elif side != 0 and mesh.see_through[drawable]:
+            side = CLEAR
         for i in range(3):
             v = mesh.triangles[t, i]
             for k in range(3):

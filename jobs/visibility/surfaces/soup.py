@@ -34,6 +34,7 @@ class Soup:
 
     drawables: np.ndarray  # (d,) int64 sorted ids
     one_sided: np.ndarray  # (d,) bool
+    see_through: np.ndarray  # (d,) bool: they hide nothing
     drawable_lo: np.ndarray  # (d, 3) float64 boxes of the meshes; lo > hi where a drawable has no triangles
     drawable_hi: np.ndarray  # (d, 3)
     drawable_clusters: np.ndarray  # (d + 1,) int32 offsets into the clusters
@@ -48,7 +49,8 @@ class Soup:
     cluster_drawable: np.ndarray  # (k,) int32
     cluster_lo: np.ndarray  # (k, 3) float64
     cluster_hi: np.ndarray  # (k, 3) float64
-    cluster_breadth: np.ndarray  # (k,) float64 how broad an image the sheet that the cluster belongs to can have
+    # (k,) float64 how broad an image the sheet that the cluster belongs to can have; 0 where it can be seen through
+    cluster_breadth: np.ndarray
     gaps: Gaps | None = None  # that count as closed; None: there are none
 
     def places(self, ids: np.ndarray) -> np.ndarray:
@@ -62,6 +64,7 @@ class Soup:
 def build_soup(
     drawables: Sequence[int] | np.ndarray,
     one_sided: np.ndarray,
+    see_through: np.ndarray,
     points: np.ndarray,
     corners: np.ndarray,
     counts: np.ndarray,
@@ -73,6 +76,7 @@ def build_soup(
     Args:
         drawables: (d,) sorted ids.
         one_sided: (d,) bool.
+        see_through: (d,) bool which of them can be seen through.
         points: (n, 3) int32 positions in grid units; corners: (m, 3) triangles into them, one drawable after the other.
         counts: (d,) int64 triangles of each drawable.
         cluster_size: most triangles in a cluster.
@@ -103,9 +107,10 @@ def build_soup(
     cluster_lo, cluster_hi = (box.astype(np.float64) for box in topology.boxes(vertices, welded, offsets))
     cluster_breadth = np.zeros(k)
     if k:
-        sheet = topology.sheets(triangle_edges, start, uses.astype(np.int32))
+        sheet = topology.sheets(triangle_edges, start, uses.astype(np.int32), np.asarray(see_through, np.bool_)[owner])
         each = topology.boxes(vertices, welded, np.arange(len(welded) + 1, dtype=np.int32))
         cluster_breadth = _breadths(sheet, *each)[offsets[:-1]]
+        cluster_breadth[np.asarray(see_through, np.bool_)[cluster_drawable]] = 0.0
     gaps = None
     if seal > 0:
         found = find_gaps(
@@ -122,6 +127,7 @@ def build_soup(
     return Soup(
         drawables=ids,
         one_sided=np.asarray(one_sided, np.bool_),
+        see_through=np.asarray(see_through, np.bool_),
         drawable_lo=drawable_lo,
         drawable_hi=drawable_hi,
         drawable_clusters=drawable_clusters,

@@ -169,11 +169,12 @@ def clusters(
 
 
 @allocating_kernel()
-def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray) -> np.ndarray:
-    """Number what hangs together by edges, whatever drawables it belongs to.
+def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray, see_through: np.ndarray) -> np.ndarray:
+    """Number what hangs together by edges, whatever drawables it belongs to, as long as it is of one kind.
 
     Args:
         triangle_edges, start, uses: from `edges`.
+        see_through: (m,) bool the kind.
 
     Returns:
         (m,) int32 the sheet of each triangle, numbered by first occurrence.
@@ -195,7 +196,7 @@ def sheets(triangle_edges: np.ndarray, start: np.ndarray, uses: np.ndarray) -> n
                 e = triangle_edges[t, i]
                 for j in range(start[e], start[e + 1]):
                     other = uses[j] >> 1
-                    if sheet[other] < 0:
+                    if sheet[other] < 0 and see_through[other] == see_through[t]:
                         sheet[other] = count
                         stack[waiting] = other
                         waiting += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,16 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return make_store(tmp_path_factory.mktemp("oracle") / "store", room_parts(), depth=2, visible=half)
 
 
+@pytest.fixture(scope="module")
+def glazed(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """The room, its west wall and its table of glass."""
+    parts = [
+        replace(part, colour=(*part.colour[:3], 100)) if part.name in {"wall west", "table"} else part
+        for part in room_parts()
+    ]
+    return make_store(tmp_path_factory.mktemp("oracle") / "glazed", parts, depth=2, visible=half)
+
+
 def place_of(store: Store) -> Place:
     return Place(store.files.url, store.manifest, store)
 
@@ -41,7 +52,11 @@ def test_its_things_are_what_is_drawn_and_what_is_not(store: Store) -> None:
 
 
 @pytest.mark.parametrize("held", [0, 2000, 1 << 20])
-def test_portions_see_what_the_whole_sees(store: Store, monkeypatch: pytest.MonkeyPatch, held: int) -> None:
+@pytest.mark.parametrize("room", ["store", "glazed"])
+def test_portions_see_what_the_whole_sees(
+    request: pytest.FixtureRequest, room: str, monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
+    store: Store = request.getfixturevalue(room)
     for cell in (0, 42):
         lo, hi = store.cells["lo"][cell], store.cells["hi"][cell]
         whole = CutOracle(place_of(store), cell)
@@ -58,6 +73,13 @@ def test_portions_see_what_the_whole_sees(store: Store, monkeypatch: pytest.Monk
                 np.testing.assert_array_equal(distance, along)
                 np.testing.assert_array_equal(found < 0, expected < 0)
                 assert (found == expected).mean() > 0.95  # of coincident faces either may be met
+                some, others = (
+                    set(zip(*(hits.tolist() for hits in o.passed(origins, directions, along)), strict=True))
+                    for o in (parted, whole)
+                )
+                assert len(some ^ others) <= 0.01 * len(others)  # nor are rays that pass an edge told alike
+                assert bool(others) == (room == "glazed")
+                np.testing.assert_array_equal(parted.see_through, whole.see_through)
             numbers = rng.integers(0, whole.starts[-1], 500)
             np.testing.assert_array_equal(parted.corners(numbers), whole.corners(numbers))
             hits = np.flatnonzero(expected >= 0)[:200]

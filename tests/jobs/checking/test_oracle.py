@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,12 +27,14 @@ def squares(*xs: float, flipped: bool = False, half: float = 5.0) -> np.ndarray:
     return np.array(triangles, np.float32)
 
 
-def oracle_of(parts: list[tuple[np.ndarray, bool]]) -> tuple[Oracle, np.ndarray, np.ndarray]:
+def oracle_of(
+    parts: list[tuple[np.ndarray, bool]], see_through: Collection[int] = ()
+) -> tuple[Oracle, np.ndarray, np.ndarray]:
     """An oracle over parts (triangles, one-sided), drawable n the n-th; the owners and all triangles."""
     triangles = np.concatenate([part for part, _ in parts])
     owner = np.repeat(np.arange(len(parts)), [len(part) for part, _ in parts])
     one_sided = np.repeat([sided for _, sided in parts], [len(part) for part, _ in parts])
-    return Oracle(triangles, owner, one_sided), owner, triangles
+    return Oracle(triangles, owner, one_sided, np.isin(owner, list(see_through))), owner, triangles
 
 
 def rays(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -159,9 +164,78 @@ def test_knowing_the_cell_changes_no_hit(seed: int) -> None:
     owner, one_sided = np.arange(200), rng.random(200) < 0.8
     origins = surface_points(LO, HI, 300, rng)
     directions = rng.normal(size=(300, 3)).astype(np.float32)
-    anywhere, here = (Oracle(triangles, owner, one_sided, cell) for cell in (None, (LO, HI)))
+    see_through = rng.random(200) < rng.choice([0.0, 0.3])
+    anywhere, here = (Oracle(triangles, owner, one_sided, see_through, cell) for cell in (None, (LO, HI)))
     found, distance = anywhere.cast(origins, directions)
     again, along = here.cast(origins, directions)
     np.testing.assert_array_equal(found, again)
     np.testing.assert_allclose(distance, along, rtol=1e-6)
     assert (found >= 0).any()
+    passed, passed_again = (
+        sorted(zip(*(hits.tolist() for hits in oracle.passed(origins, directions, distance)), strict=True))
+        for oracle in (anywhere, here)
+    )
+    assert passed == passed_again
+    assert bool(passed) == see_through.any()
+
+
+def test_rays_go_through_panes_note_them_all_and_end_at_what_is_behind_them() -> None:
+    """Nearer and farther, in each order, and another one's back; what lies behind what stops a ray is not noted."""
+    oracle, owner, _ = oracle_of(
+        [(squares(2), False), (squares(3, flipped=True), False), (squares(4), False), (squares(3.5), False)], [0, 1, 2]
+    )
+    origins, directions = rays(100)
+    found, distance = oracle.cast(origins, directions)
+    assert (owner[found] == 3).all()
+    np.testing.assert_allclose(origins[:, 0] + distance, 3.5, atol=1e-4)
+    ray, pane = oracle.passed(origins, directions, distance)
+    assert sorted(zip(ray.tolist(), owner[pane].tolist(), strict=True)) == [(r, d) for r in range(100) for d in (0, 1)]
+    ray, pane = oracle.passed(origins, directions, np.full(100, np.inf))
+    assert len(ray) == 300
+
+
+@pytest.mark.parametrize("at", [1e3, 1e6])
+def test_far_from_the_origin_rays_do_not_stay_before_a_pane(at: float) -> None:
+    oracle, owner, _ = oracle_of([(squares(at + 2), False), (squares(at + 4), False)], [0, 1])
+    origins, directions = rays(100)
+    start = (origins + np.array([at, 0, 0])).astype(np.float32)
+    ray, pane = oracle.passed(start, directions, np.full(100, np.inf))
+    assert sorted(zip(ray.tolist(), owner[pane].tolist(), strict=True)) == [(r, d) for r in range(100) for d in (0, 1)]
+
+
+def test_backs_of_panes_that_have_but_one_side_are_passed_and_not_noted() -> None:
+    oracle, owner, _ = oracle_of([(squares(2, flipped=True), True), (squares(3), True)], [0, 1])
+    _, pane = oracle.passed(*rays(50), np.full(50, np.inf))
+    assert len(pane) == 50
+    assert (owner[pane] == 1).all()
+
+
+def test_panes_are_confirmed_before_what_stops_a_ray_and_not_behind_it_or_where_it_is() -> None:
+    oracle, owner, _ = oracle_of(
+        [(squares(2), False), (squares(2), False), (squares(3), False), (squares(3), False), (squares(4), False)],
+        [0, 1, 2, 4],
+    )
+    origin, direction = np.array([0.5, 0.4, 0.5], np.float32), np.array([1, 0.01, 0.02], np.float32)
+    distances = np.array([oracle.confirm(origin, direction, t) for t in range(10)])
+    assert [np.nanmin(distances[owner == d]) for d in (0, 1)] == [1.5, 1.5]  # neither pane stops the other
+    assert np.isnan(distances[owner == 2]).all()  # the wall may be what is drawn there
+    assert np.nanmin(distances[owner == 3]) == 2.5
+    assert np.isnan(distances[owner == 4]).all()
+
+
+def test_panes_left_out_are_missed_and_so_is_what_is_seen_through_them() -> None:
+    parts = [(squares(2), False), (squares(2), False), (squares(3), False), (squares(4), False), (squares(5), False)]
+    oracle, _, _ = oracle_of(parts, [0, 1, 2, 4])
+    sound = examine(oracle, LO, HI, np.arange(4), 2000, np.random.default_rng(1))
+    assert sound.missed == []
+    assert sound.seen.tolist() == [0, 1, 2, 3]  # of two panes in one place those are seen that are aimed at
+    assert sound.missed_rays == 0
+    for left_out in range(4):
+        known = np.array([d for d in range(4) if d != left_out])
+        accused = examine(oracle, LO, HI, known, 2000, np.random.default_rng(1))
+        assert [sight.drawable for sight in accused.missed] == [left_out]
+        if left_out > 1:
+            assert accused.missed_rays > 50
+    nothing = examine(oracle, LO, HI, np.zeros(0, np.int64), 2000, np.random.default_rng(1))
+    assert [sight.drawable for sight in nothing.missed] == [0, 1, 2, 3]
+    assert nothing.missed_rays <= nothing.uniform

@@ -19,7 +19,7 @@ from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
 from storage.shards.shards import shard_path
 from storage.store import Store
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
 def test_a_store_that_shows_everything_is_sound(tmp_path: Path) -> None:
@@ -45,6 +45,30 @@ def test_a_drawable_left_out_of_one_cell_is_named(tmp_path: Path) -> None:
     assert "'table'" in report.problems[0]
     seen = [cell.missed for cell in report.sampled if cell.key == 0o17]
     assert seen == [1]
+
+
+@pytest.mark.parametrize("left_out", ["wall west", "chair", "table"])
+def test_a_pane_left_out_and_what_is_seen_through_it_alone_are_named(tmp_path: Path, left_out: str) -> None:
+    """A room with a glass wall, a glass box in it, and a chair in the box."""
+    glass = (150, 180, 200, 90)
+    parts = [replace(part, colour=glass) if part.name == "wall west" else part for part in room_parts()[:5]]
+    parts += [
+        box_part("table", (3, 2, 0), (5, 4, 2), colour=glass),
+        box_part("chair", (3.5, 2.5, 0.2), (4.5, 3.5, 1.8)),
+        box_part("yard", (-3, -1, -0.1), (-0.1, 7, 0)),
+    ]
+
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        part = geometry.nodes["part"][geometry.drawables["node"][cut]]
+        outside = int(cell["key"]) == 0o11
+        return cut[part != [p.name for p in parts].index(left_out)] if outside else cut
+
+    make_store(tmp_path / "sound", parts, depth=1)
+    assert verify(str(tmp_path / "sound"), samples=900, cells=8).ok
+    make_store(tmp_path / "store", parts, depth=1, visible=visible)
+    report = verify(str(tmp_path / "store"), samples=900, cells=8)
+    assert report.missed == len(report.problems) == 1
+    assert f"'{left_out}'" in report.problems[0]
 
 
 def test_a_facet_wrongly_left_out_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

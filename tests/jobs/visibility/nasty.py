@@ -8,7 +8,7 @@ import numpy as np
 
 from jobs.checking.oracle import Oracle, Sight, examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
-from tests.jobs.visibility.scenes import Mesh, box, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, oracle_of, rooms, sheet, soup_of
 
 #: Half extents of cells, as parts of the scene's size.
 SHAPES = ((0.02, 0.02, 0.02), (0.2, 0.02, 0.002), (0.003, 0.003, 0.3), (0.1, 0.1, 0.1), (0.001, 0.001, 0.001))
@@ -27,6 +27,7 @@ class Attack(NamedTuple):
     lo: np.ndarray  # (3,) float64
     hi: np.ndarray  # (3,) float64
     one_sided: bool
+    see_through: list[int]  # meshes
     cluster_size: int
     settings: EngineSettings
     first_peeping: int  # the meshes from here on may be seen past an edge from a point of the cell
@@ -71,12 +72,16 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
         largest_flooded_set=int(rng.choice([4, 64, 2048])),
         shafts=int(rng.choice([0, 20_000, 20_000])), least_worth=float(rng.choice([1.0, 0.1, 0.001])),
     )  # fmt: skip
+    one_sided, cluster_size = bool(rng.random() < 0.4), int(rng.choice([1, 3, 32]))
+    panes = rng.spawn(1)[0]  # takes nothing from the stream that the rest of the scene, and of a test, is made of
+    share = panes.choice([0.0, 0.0, 0.1, 0.3, 0.7, 1.0])  # of what can be seen through
     return Attack(
         meshes + peeping,
         lo,
         hi,
-        bool(rng.random() < 0.4),
-        int(rng.choice([1, 3, 32])),
+        one_sided,
+        np.flatnonzero(panes.random(len(meshes) + len(peeping)) < share).tolist(),
+        cluster_size,
         settings,
         len(meshes),
         eyes,
@@ -86,22 +91,19 @@ def nasty_scene(rng: np.random.Generator) -> Attack:
 
 def misses(attack: Attack, rays: int, seed: int) -> list[Sight]:
     """What rays see of a scene that the engine does not report."""
-    soup = soup_of(attack.meshes, one_sided=attack.one_sided, cluster_size=attack.cluster_size)
+    soup = soup_of(attack.meshes, attack.one_sided, attack.cluster_size, see_through=attack.see_through)
     found = Engine(soup, attack.settings).visible_from(attack.lo, attack.hi, soup.drawables)
     assert found is not None
     assert set(found.proven) <= set(found.visible)
-    corners = soup.vertices[soup.triangles].astype(np.float32)
-    owner = soup.triangle_drawable.astype(np.int64)
-    oracle = Oracle(corners, owner, soup.one_sided[owner])
+    oracle = oracle_of(soup)
     rng = np.random.default_rng(seed)
     missed = examine(oracle, attack.lo, attack.hi, found.visible, rays, rng).missed
-    return missed + _aimed(oracle, owner, corners, attack, found.visible, rng)
+    return missed + _aimed(oracle, soup.triangle_drawable, attack, found.visible, rng)
 
 
 def _aimed(
     oracle: Oracle,
     owner: np.ndarray,
-    corners: np.ndarray,
     attack: Attack,
     visible: np.ndarray,
     rng: np.random.Generator,
@@ -116,9 +118,12 @@ def _aimed(
         targets = weights @ aim.astype(np.float64)
         origins = np.repeat(eye[None], AIMED, axis=0)
         directions = (targets - origins).astype(np.float32)
-        hits, _ = oracle.cast(origins, directions)
-        for origin, direction, hit in zip(origins, directions, hits.tolist(), strict=True):
-            if hit >= 0 and owner[hit] not in visible:
+        hits, along = oracle.cast(origins, directions)
+        through, panes = oracle.passed(origins, directions, along)
+        who = np.concatenate([np.flatnonzero(hits >= 0), through])
+        for ray, hit in zip(who.tolist(), [*hits[hits >= 0].tolist(), *panes.tolist()], strict=True):
+            if owner[hit] not in visible:
+                origin, direction = origins[ray], directions[ray]
                 distance = oracle.confirm(origin, direction, hit)
                 if not np.isnan(distance):
                     missed.append(Sight(int(owner[hit]), tuple(origin.tolist()), tuple(direction.tolist()), distance))

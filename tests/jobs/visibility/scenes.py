@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
+from jobs.checking.oracle import Oracle
 from jobs.visibility.surfaces.soup import Soup, build_soup
 
 Mesh = tuple[np.ndarray, np.ndarray]
@@ -35,19 +38,36 @@ def sheet(lo: tuple[int, int, int], hi: tuple[int, int, int], cells: int) -> Mes
     return np.rint(grid).astype(np.int32), np.concatenate([one, two])
 
 
-def soup_of(meshes: list[Mesh], one_sided: bool = False, cluster_size: int = 32, seal: float = 0.0) -> Soup:
-    """Each mesh as one drawable, numbered from 0; seal: see `build_soup`."""
+def soup_of(
+    meshes: list[Mesh],
+    one_sided: bool = False,
+    cluster_size: int = 32,
+    seal: float = 0.0,
+    see_through: Collection[int] = (),
+) -> Soup:
+    """Each mesh as one drawable, numbered from 0; seal: see `build_soup`; see_through: numbers of those with two sides
+    that can be seen through.
+    """
     n = len(meshes)
+    clear = np.isin(np.arange(n), list(see_through))
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])
     return build_soup(
         np.arange(n),
-        np.full(n, one_sided),
+        one_sided & ~clear,
+        clear,
         np.concatenate([points for points, _ in meshes]).astype(np.int32),
         np.concatenate([triangles + start for (_, triangles), start in zip(meshes, starts[:-1], strict=True)]),
         np.array([len(triangles) for _, triangles in meshes]),
         cluster_size,
         seal,
     )
+
+
+def oracle_of(soup: Soup) -> Oracle:
+    """An oracle over all triangles of a soup, whose owners are its `triangle_drawable`."""
+    owner = soup.triangle_drawable.astype(np.int64)
+    corners = soup.vertices[soup.triangles].astype(np.float32)
+    return Oracle(corners, owner, soup.one_sided[owner], soup.see_through[owner])
 
 
 def rooms(rng: np.random.Generator, per_side: int, size: int = 4000, wall: int = 100) -> list[Mesh]:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jobs.checking.oracle import Oracle, examine
+from jobs.checking.oracle import examine
 from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
 from jobs.visibility.surfaces.soup import Soup
-from tests.jobs.visibility.scenes import Mesh, box, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, oracle_of, rooms, sheet, soup_of
 
 QUICK = EngineSettings(resolution=64, proof_resolution=32)
 
@@ -31,10 +31,7 @@ def see(engine: Engine, lo: np.ndarray, hi: np.ndarray, cut: np.ndarray) -> Cell
 
 def accuse(soup: Soup, lo: np.ndarray, hi: np.ndarray, visible: np.ndarray, rays: int, seed: int) -> list[object]:
     """Drawables that rays from the cell see although they are not reported."""
-    corners = soup.vertices[soup.triangles].astype(np.float32)
-    owner = soup.triangle_drawable.astype(np.int64)
-    oracle = Oracle(corners, owner, soup.one_sided[owner])
-    found = examine(oracle, lo, hi, visible, rays, np.random.default_rng(seed))
+    found = examine(oracle_of(soup), lo, hi, visible, rays, np.random.default_rng(seed))
     return list(found.missed)
 
 

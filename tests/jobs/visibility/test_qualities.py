@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from jobs.checking.oracle import Oracle, examine
+from jobs.checking.oracle import examine
 from jobs.visibility.engine import QUALITIES, Engine
-from tests.jobs.visibility.scenes import rooms, soup_of
+from tests.jobs.visibility.scenes import oracle_of, rooms, soup_of
 
 
 def test_more_time_reports_less_and_proves_more_and_none_misses_anything() -> None:
     soup = soup_of(rooms(np.random.default_rng(2), 4))
-    corners = soup.vertices[soup.triangles].astype(np.float32)
-    owner = soup.triangle_drawable.astype(np.int64)
-    oracle = Oracle(corners, owner, soup.one_sided[owner])
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    oracle = oracle_of(soup)
+    low, high = soup.vertices.min(axis=0).astype(np.float32), soup.vertices.max(axis=0).astype(np.float32)
     cells = [low + part * (high - low) for part in np.random.default_rng(1).uniform(0.1, 0.9, (6, 3))]
     reported, proven = [], []
     for settings in QUALITIES.values():

@@ -24,7 +24,7 @@ def seen_by(soup: Soup, places: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> t
     """The soup as a cell with a cut sees it, and its clusters."""
     looked = seen_mesh.make_mesh(
         soup.vertices, soup.triangles, soup.triangle_edges, soup.edge_start, soup.edge_uses, soup.triangle_drawable,
-        soup.one_sided,
+        soup.one_sided, soup.see_through,
     )  # fmt: skip
     seen_mesh.begin(looked, places, 0.5 * (lo + hi), 0.5 * (hi - lo))
     clusters = make_clusters(
@@ -51,7 +51,7 @@ def some_layers(rng: np.random.Generator, empty: float) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(8))
 def test_clusters_come_up_in_the_order_of_their_distances_without_those_that_are_hidden(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    soup = soup_of(rooms(rng, 3), cluster_size=int(rng.choice([1, 4, 32])))
+    soup = soup_of(rooms(rng, 3), cluster_size=int(rng.choice([1, 4, 32])), see_through=range(0, 99, 2 + seed))
     places = np.flatnonzero(rng.random(len(soup.drawables)) < 0.8)
     lo, hi = some_cell(rng)
     looked, clusters = seen_by(soup, places, lo, hi)
@@ -73,6 +73,7 @@ def test_clusters_come_up_in_the_order_of_their_distances_without_those_that_are
             c
             for c in np.argsort(nearest, kind="stable")
             if broad[c]
+            and not soup.see_through[soup.cluster_drawable[c]]
             and looked.active[soup.cluster_drawable[c]]
             and not occludees.box_hidden_on(face, box_lo[c], box_hi[c], layers, True)
         ]
@@ -82,7 +83,7 @@ def test_clusters_come_up_in_the_order_of_their_distances_without_those_that_are
 @pytest.mark.parametrize("seed", range(8))
 def test_what_is_hidden_is_what_is_hidden_cluster_by_cluster(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    soup = soup_of(rooms(rng, 3), bool(seed % 2), int(rng.choice([1, 4, 32])))
+    soup = soup_of(rooms(rng, 3), bool(seed % 2), int(rng.choice([1, 4, 32])), see_through=range(0, 99, 2 + seed))
     places = np.flatnonzero(rng.random(len(soup.drawables)) < 0.8)
     lo, hi = some_cell(rng)
     looked, clusters = seen_by(soup, places, lo, hi)

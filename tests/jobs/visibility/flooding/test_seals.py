@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jobs.checking.oracle import Oracle, examine, surface_points
+from jobs.checking.oracle import examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 from jobs.visibility.surfaces.gaps import MOST, SHORTER, near_part
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.detail.sampling import distances
-from tests.jobs.visibility.scenes import Mesh, box, soup_of
+from tests.jobs.visibility.scenes import Mesh, box, oracle_of, soup_of
 
 #: Of the scenes below: 0.1 mm a grid unit.
 MILLIMETRE = 10
@@ -99,8 +99,7 @@ def misses_of(
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """Lines of sight to what is not reported, confirmed: from, to, drawable. All that is left out is aimed at."""
     corners = soup.vertices[soup.triangles].astype(np.float32)
-    owner = soup.triangle_drawable.astype(np.int64)
-    oracle = Oracle(corners, owner, soup.one_sided[owner])
+    owner, oracle = soup.triangle_drawable.astype(np.int64), oracle_of(soup)
     rng = np.random.default_rng(seed)
     left = np.flatnonzero(~np.isin(owner, visible))
     if not len(left):
@@ -196,9 +195,7 @@ def test_the_measured_chance_of_a_miss_is_the_oracles(seed: int) -> None:
     assert found is not None
     assert len(found.visible) < bars + 20
     measured = engine.count_misses(lo, hi, soup.drawables, found.visible, np.random.default_rng(seed))
-    corners, owner = soup.vertices[soup.triangles].astype(np.float32), soup.triangle_drawable.astype(np.int64)
-    oracle = Oracle(corners, owner, soup.one_sided[owner])
-    looked = examine(oracle, lo, hi, found.visible, 3 * count, np.random.default_rng(seed))
+    looked = examine(oracle_of(soup), lo, hi, found.visible, 3 * count, np.random.default_rng(seed))
     assert looked.uniform == count
     assert measured > 100
     assert abs(measured - looked.missed_rays) <= 5 * np.sqrt(measured + looked.missed_rays)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from jobs.checking.oracle import Oracle, examine, surface_points
+from jobs.checking.oracle import examine, surface_points
 from jobs.visibility.engine import Engine, EngineSettings
 from jobs.visibility.proof import aimed_rays
 from jobs.visibility.proof.aimed_rays import INSET, LEAST_WEIGHT, SEEN, TURNED
 from jobs.visibility.surfaces import ray_tree
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.visibility.nasty import nasty_scene
-from tests.jobs.visibility.scenes import box, rooms, sheet, soup_of
+from tests.jobs.visibility.scenes import box, oracle_of, rooms, sheet, soup_of
 
 
 def scene_and_tree(soup: Soup) -> tuple[ray_tree.Scene, ray_tree.Tree]:
@@ -24,18 +25,20 @@ def scene_and_tree(soup: Soup) -> tuple[ray_tree.Scene, ray_tree.Tree]:
 
 
 def scene_of(soup: Soup) -> ray_tree.Scene:
-    return scene_and_tree(soup)[0]
+    """All that stops rays."""
+    return ray_tree.prune(*scene_and_tree(soup), np.flatnonzero(~soup.see_through))
 
 
 def look(soup: Soup, scene: ray_tree.Scene, t: int, wa: float, wb: float, o: np.ndarray) -> int:
-    """What the kernel says when all of the soup stands."""
+    """What the kernel says when all of the scene stands."""
     ray = aimed_rays.make_ray()
     ray.o[:] = o
     return int(aimed_rays.look(scene, t, int(soup.triangle_drawable[t]), wa, wb, ray, -1))
 
 
 def exactly_seen(soup: Soup, t: int, wa: float, wb: float, o: np.ndarray) -> bool:
-    """Whether no other drawable stands before or at the point, and it is not seen from a back that is not drawn.
+    """Whether no other drawable that stops rays stands before or at the point, which is not seen from a back that is
+    not drawn.
 
     In rational arithmetic, triangle by triangle. Triangles along the ray hide nothing.
     """
@@ -52,7 +55,7 @@ def exactly_seen(soup: Soup, t: int, wa: float, wb: float, o: np.ndarray) -> boo
 
     for number, triangle in enumerate(corners):
         owner = soup.triangle_drawable[number]
-        if owner == soup.triangle_drawable[t] and number != t:
+        if (owner == soup.triangle_drawable[t] or soup.see_through[owner]) and number != t:
             continue
         a, b, c = ([x - y for x, y in zip(corner, eye, strict=True)] for corner in triangle)
         normal = cross([x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)])
@@ -77,7 +80,7 @@ def test_what_is_seen_is_seen_in_exact_arithmetic(seed: int) -> None:
     agreed, refused = 0, 0
     for _ in range(25):
         attack = nasty_scene(rng)
-        soup = soup_of(attack.meshes[:14], attack.one_sided, attack.cluster_size)
+        soup = soup_of(attack.meshes[:14], attack.one_sided, attack.cluster_size, see_through=attack.see_through)
         if not len(soup.triangles):
             continue
         scene = scene_of(soup)
@@ -261,20 +264,14 @@ def test_what_a_ray_passes_beside_it_does_not_meet(seed: int) -> None:
     assert met > 0
 
 
-def oracle_of(soup: Soup) -> tuple[Oracle, np.ndarray, np.ndarray]:
-    corners = soup.vertices[soup.triangles].astype(np.float32)
-    owner = soup.triangle_drawable.astype(np.int64)
-    return Oracle(corners, owner, soup.one_sided[owner]), owner, corners
-
-
 def seen_from_corners(soup: Soup, drawable: int, lo: np.ndarray, hi: np.ndarray, rays: int) -> bool:
-    """Whether any of many rays from a cell's corners to all over a drawable meets nothing of another before it.
+    """Whether any of many rays from a cell's corners to all over a drawable is stopped by nothing of another before it.
 
     In float64, every triangle for itself; what lies in the same place does not count as before.
     """
     rng = np.random.default_rng(drawable)
     corners = soup.vertices[soup.triangles].astype(np.float64)
-    others = corners[soup.triangle_drawable != drawable]
+    others = corners[(soup.triangle_drawable != drawable) & ~soup.see_through[soup.triangle_drawable]]
     normal = np.cross(others[:, 1] - others[:, 0], others[:, 2] - others[:, 0])
     targets = corners[rng.choice(np.flatnonzero(soup.triangle_drawable == drawable), rays)]
     targets = (targets * rng.dirichlet((0.2, 0.2, 0.2), rays)[:, :, None]).sum(axis=1)
@@ -292,13 +289,12 @@ def seen_from_corners(soup: Soup, drawable: int, lo: np.ndarray, hi: np.ndarray,
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_proven_many_rays_see_as_well_and_little_is_undecided(seed: int) -> None:
-    soup = soup_of(rooms(np.random.default_rng(seed), 4))
+    soup = soup_of(rooms(np.random.default_rng(seed), 4), see_through=range(5, 99, 7) if seed else ())
     lo = np.random.default_rng(seed).integers(500, 15000, 3) * np.array([1.0, 1.0, 0.0]) + [0.0, 0.0, 1500.0]
     hi = lo + 300
     found = Engine(soup, EngineSettings(resolution=64)).visible_from(lo, hi, soup.drawables)
     assert found is not None
-    oracle, _, _ = oracle_of(soup)
-    seen = examine(oracle, lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
+    seen = examine(oracle_of(soup), lo, hi, found.visible, 300_000, np.random.default_rng(9)).seen
     for drawable in set(found.proven.tolist()) - set(seen.tolist()):
         assert seen_from_corners(soup, drawable, lo, hi, 5000)
     assert len(found.proven) >= 0.9 * len(seen)
@@ -317,9 +313,10 @@ def test_aimed_rays_prove_more_than_item_buffers_alone() -> None:
     assert set(few.proven) < set(many.proven)
 
 
+@pytest.mark.parametrize("panes", [(), range(3, 99, 5), range(99)])
 @pytest.mark.parametrize("rays", [20, 2000])
-def test_the_measured_chance_of_a_miss_is_the_oracles(rays: int) -> None:
-    soup = soup_of(rooms(np.random.default_rng(2), 4))
+def test_the_measured_chance_of_a_miss_is_the_oracles(rays: int, panes: Collection[int]) -> None:
+    soup = soup_of(rooms(np.random.default_rng(2), 4), see_through=panes)
     lo, hi = np.array([9000.0, 5100, 1200]), np.array([9400.0, 5500, 1600])
     count = 40_000
     settings = EngineSettings(sampled=True, sampling_rays=rays, sampling_aimed_rays=0, hold_out_rays=count)
@@ -328,10 +325,14 @@ def test_the_measured_chance_of_a_miss_is_the_oracles(rays: int) -> None:
     assert found is not None
     assert set(found.proven) <= set(found.visible)
     missed = engine.count_misses(lo, hi, soup.drawables, found.visible, np.random.default_rng(1))
-    oracle, owner, _ = oracle_of(soup)
+    oracle, owner = oracle_of(soup), soup.triangle_drawable
     rng = np.random.default_rng(2)
-    hit, _ = oracle.cast(surface_points(lo, hi, count, rng), rng.normal(size=(count, 3)).astype(np.float32))
-    truth = int(((hit >= 0) & ~np.isin(owner[hit], found.visible)).sum())
+    sight = surface_points(lo, hi, count, rng), rng.normal(size=(count, 3)).astype(np.float32)
+    hit, along = oracle.cast(*sight)
+    wrong = (hit >= 0) & ~np.isin(owner[hit], found.visible)
+    through, passed = oracle.passed(*sight, along)
+    wrong[through[~np.isin(owner[passed], found.visible)]] = True
+    truth = int(wrong.sum())
     assert abs(missed - truth) <= 5 * np.sqrt(missed + truth + 1)
     if rays == 20:
         assert missed > 100  # so few rays miss much, and it is said

@@ -6,9 +6,9 @@ What is checked:
     deltas      every change across a boundary is consistent with the vLODs of both its cells
     detail      a sampled cell's vLOD is part of its cut, and the cut stands for every leaf once, at an error below the
                 pixel error
-    rays        rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs (see
-                `jobs.checking.oracle`), and no fronts of the facets that are not drawn there; in a store made with
-                --sampled or --seal, how many do is measured instead
+    rays        rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs, neither what stops
+                them nor what they go through on their way (see `jobs.checking.oracle`), and no fronts of the facets
+                that are not drawn there; in a store made with --sampled or --seal, how many do is measured instead
 
 Each part is shared out among processes item by item: a shard, a run of cells, a cell. What is found does not depend on
 how many there are. What lies in a damaged shard is left out of the parts that follow, the rest is checked all the same.

@@ -9,8 +9,9 @@ import pytest
 
 import jobs.cells.subtree
 from jobs.cells.cuts import Leaves
+from jobs.cells.gather import gather
 from jobs.cells.needs import triangles_needed
-from jobs.cells.parameters import CellParameters
+from jobs.cells.parameters import CellParameters, Visibility
 from jobs.cells.subtree import compute_subtree
 from jobs.options.visibility import QUALITY_NAMES
 from jobs.parameters import BuildParameters, view_space
@@ -20,9 +21,11 @@ from jobs.visibility.engine import QUALITIES, EngineSettings
 from storage import open_store
 from storage.base.typed_json import from_json, to_json
 from storage.cells import octree
-from storage.geometry_reader import Geometry
+from storage.cells.octree import Octree
+from storage.geometry_reader import Geometry, open_geometry
 from storage.store import Store
 from tests.jobs.built_geometry import build_geometry
+from tests.storage.tiny_store import box_part, make_geometry
 
 PARAMETERS = BuildParameters(triangles_per_cell=2000, max_depth=3, quality="draft")
 SMALL = (-20.0, -20.0, 0.0, 20.0, 20.0, 3.0)
@@ -78,7 +81,6 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
         held[-1].append(int(counts[ids].sum()))
         return gather(store, ids, settings)
 
-    gather = jobs.cells.subtree.gather
     monkeypatch.setattr("jobs.cells.subtree.gather", noted)
     around = Leaves.of(geometry, parameters)
     pending, foretold = [octree.ROOT], []
@@ -92,6 +94,32 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
         coarser = max(parts[1:], default=0)  # one at a time, beside what all cells share
         assert parts[0] + coarser <= need <= 2 * (parts[0] + max(parts)) + 1
     assert any(len(parts) > 1 for parts in held) == ("max_triangles" in bound)
+
+
+@pytest.mark.parametrize("alpha", [255, 254, 26])
+def test_what_stands_behind_glass_is_in_the_cell(tmp_path, monkeypatch, alpha):
+    """A cupboard whose door is of glass, or not, and a vase in it: seen from one cell before it, and from eight."""
+    monkeypatch.setattr(jobs.cells.subtree, "LEAST_SAVED", -np.inf)
+    parts = [
+        box_part("wall", (-20, 5, -20), (20, 5.5, 20), segments=(6,)),
+        box_part("door", (-20, 2, -20), (20, 2.1, 20), segments=(5,), colour=(150, 180, 200, alpha)),
+        box_part("vase", (-0.3, 3, -0.3), (0.3, 4, 0.3), segments=(2,)),
+        box_part("cellar", (-0.3, 6, -0.3), (0.3, 7, 0.3), segments=(2,)),
+    ]
+    section, _, _ = make_geometry(tmp_path, parts)
+    geometry = open_geometry(tmp_path, section)
+    clear = gather(geometry, np.arange(4), EngineSettings()).see_through
+    assert clear.tolist() == [False, alpha < 255, False, False]
+    around = np.full(3, 1.9)
+    for most, cells in ((1, 8), (10_000, 1)):
+        parameters = CellParameters(
+            Octree.around(-around, around), (-1.9,) * 3, (1.9,) * 3, 1, most, None, 1e-3, 1.0, Visibility()
+        )
+        result = compute_subtree(geometry, octree.ROOT, parameters, Leaves.of(geometry, parameters))
+        assert len(result.cells) == cells
+        assert (result.cells["hi"][:, 1] < 2).all()  # before the door
+        for first, end in zip(result.offsets[:-1], result.offsets[1:], strict=True):
+            assert result.ids[first:end].tolist() == ([0, 1, 2] if alpha < 255 else [1])
 
 
 def test_qualities_are_the_names_that_parameters_know():

@@ -162,7 +162,7 @@ from tests.jobs.visibility.nasty import nasty_scene
 from tests.jobs.visibility.scenes import soup_of
 for number in range(6):
     attack = nasty_scene(np.random.default_rng([5, number]))
-    soup = soup_of(attack.meshes[:6])
+    soup = soup_of(attack.meshes[:6], see_through=attack.see_through)
     settings = EngineSettings(resolution=16, proof_resolution=8, smallest_window=1)
     found = Engine(soup, settings).visible_from(attack.lo, attack.hi, soup.drawables)
     print(found.visible.tolist(), found.proven.tolist())

@@ -8,8 +8,8 @@ Read in this order:
     formats/       the readers, one file for each format, and the list of them
     reading/       what readers share
     join           scenes of several files become one, in the first one's frame
+    two_kinds      opaque triangles and those that can be seen through share no vertex
     repair         defects are removed and counted
-    two_kinds      what is opaque and what can be seen through, apart
     inputs         which files a model consists of, and a key of their content
     import_memory  how much memory an import takes, before it is begun
 """

@@ -4,8 +4,7 @@ Removed, in this order: faces with an index out of range, with a position that i
 area, and faces whose corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are
 counted on their own: exporters that double every face to show both its sides write them, and since surfaces are drawn
 from both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices
-that are equal in position, normal and colour become one. Vertices that opaque faces share with faces that can be seen
-through are doubled before: see `two_kinds`.
+that are equal in position, normal and colour become one.
 """
 
 from __future__ import annotations
@@ -29,7 +28,10 @@ _CHUNK = 1 << 16
 
 
 def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
-    """The mesh without its defects, None if nothing is left; and what was removed (without `mesh.defects`)."""
+    """The mesh without its defects, None if nothing is left; and what was removed (without `mesh.defects`).
+
+    Its opaque faces share no vertex with those that can be seen through: see `two_kinds`.
+    """
     counts: dict[Defect, int] = {}
     positions = np.ascontiguousarray(mesh.positions, np.float64) + 0.0  # -0 becomes 0
     triangles = mesh.triangles

@@ -92,7 +92,10 @@ def test_textures_become_vertex_colours(tmp_path, place):
     glb.node(mesh=glb.mesh(glb.primitive(positions, triangles, material=0, TEXCOORD_0=places)))
     model = imported(glb.write(tmp_path / "a.glb"), tmp_path / "out")
     assert model.report == {}
-    assert model.mesh(0).colours.tolist() == pixels.reshape(-1, 4).tolist()
+    found, wanted = model.mesh(0), pixels.reshape(-1, 4)[triangles]
+    thin = (wanted[..., 3] < 255).any(axis=1)
+    wanted[thin, :, 3] = np.minimum(wanted[thin, :, 3], 254)
+    assert found.colours[found.triangles].tolist() == wanted.tolist()
 
 
 def test_a_normalised_texture_place_and_a_texture_transform_are_understood(tmp_path):

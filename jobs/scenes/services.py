@@ -1,7 +1,7 @@
 """The service floor of a large building: pipes, rods, cables and ducts along walls and ceilings, of many radii.
 
-Bays stand in rows between two slabs, with columns and pieces of wall but no facade: what is thin is seen against the
-sky. About one thing in fifty triangles: a million of them are 20,000 pipes, rods, cables and ducts. A larger request
+Bays stand in rows between two slabs, with columns and pieces of wall but no facade, and every fourth is open above:
+what is thin is seen against the sky. A million triangles are 20,000 pipes, rods, cables and ducts; a larger request
 adds bays. All are parts of their own or small bundles; hangers, clamps, lamps and sprinklers are instances.
 """
 
@@ -124,8 +124,12 @@ class _Builder:
 
     def _structure(self) -> None:
         self.stage.writer.begin(f"{self.bay.name} structure")
-        slabs = boxes([(0, 0, -SLAB), (0, 0, HEIGHT)], [(LENGTH, DEPTH, 0), (LENGTH, DEPTH, HEIGHT + SLAB)])
-        self._add("slabs", slabs, "concrete")
+        slabs = [((0.0, 0.0, -SLAB), (LENGTH, DEPTH, 0.0))]
+        if self.bay.number % 4 == 1:  # open to the sky
+            slabs += [((x, 0.0, HEIGHT), (x + 0.2, DEPTH, HEIGHT + SLAB)) for x in np.arange(0.0, LENGTH, 3.0).tolist()]
+        else:
+            slabs.append(((0.0, 0.0, HEIGHT), (LENGTH, DEPTH, HEIGHT + SLAB)))
+        self._add("slabs", boxes([lo for lo, _ in slabs], [hi for _, hi in slabs]), "concrete")
         column = boxes([(0.0, 0.0, 0.0)], [(0.3, 0.3, HEIGHT)])
         self._add("column", column, "dark concrete")
         if self.bay.number % 3:

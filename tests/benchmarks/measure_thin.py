@@ -1,7 +1,7 @@
 """What levels lose of thin things: pixels with surface in the full model's picture and only background around here.
 
-    python tests/benchmarks/measure_thin.py [--frames 120] [--lines 540 1080] [--depth D] [--work DIR] [--crops DIR]
-        [--json FILE] [MODEL ...]
+    python tests/benchmarks/measure_thin.py [--frames 120] [--lines 540 1080] [--tour KIND] [--depth D] [--work DIR]
+        [--crops DIR] [--json FILE] [MODEL ...]
 
 MODEL: the name of a demo scene with its number of triangles (services:100000), or a path below VLOD_MODELS. Every model
 is built with the default options and drawn along its automatic tour with strategy frustum, and, with --depth, with
@@ -33,6 +33,7 @@ from player.shells.compare import holes
 from player.shells.headless import Frame, Screen, render
 from player.shown_model import ShownModel, shown_model
 from player.strategies import FULL
+from player.tour import TOURS
 from player.tour.survey import survey
 from player.tour.tour import make_tour
 from player.walkthrough import Settings
@@ -82,10 +83,10 @@ def built(file: Path, folder: Path, depth: int | None) -> ShownModel:
     return shown_model(open_store(str(folder)))
 
 
-def tour(model: ShownModel, file: Path, frames: int) -> CameraPath:
-    """The model's automatic tour, or the one that `file` holds since it was first asked for."""
+def tour(model: ShownModel, file: Path, frames: int, kind: str | None) -> CameraPath:
+    """The model's automatic tour of a kind, or the one that `file` holds since it was first asked for."""
     if not file.exists():
-        write_path(file, make_tour(model, survey(model), frames=frames, seed=0))
+        write_path(file, make_tour(model, survey(model), frames=frames, seed=0, kind=kind))
     return read_path(file)
 
 
@@ -124,19 +125,21 @@ def measure(name: str, model: ShownModel, path: CameraPath, strategy: str, lines
     screen = Screen(width=lines * 16 // 9, height=lines)
     settings = Settings(strategy=strategy, prefetch=False, cache_bytes=1 << 40)
     triangles, found, wide = [], [], 0
+    losing: dict[int, NDArray[np.bool_]] = {}
     worst: list[tuple[int, int, Image.Image]] = []
     for frame in render(model, path, screen, settings, compare=True):
         lost = missing(frame)
         triangles.append(frame.statistics.triangles)
         found.append(int(lost.sum()))
         if found[-1]:
-            wide += int((covered(model, path, frame.index, screen)[lost] > WIDE).sum())
-            if crops is not None:
-                worst = sorted([*worst, (-found[-1], frame.index, cropped(frame, lost))], key=lambda w: w[:2])[:CROPS]
-    for _, index, picture in worst:
-        assert crops is not None
+            losing[frame.index] = lost
+            worst = sorted([*worst, (-found[-1], frame.index, cropped(frame, lost))], key=lambda w: w[:2])[:CROPS]
+    for index, lost in losing.items():  # in contexts of their own, once the other one is closed
+        wide += int((covered(model, path, index, screen)[lost] > WIDE).sum())
+    if crops is not None:
         crops.mkdir(parents=True, exist_ok=True)
-        picture.save(crops / f"{_plain(name)}_{strategy}_{lines}_{index:04d}.png")
+        for _, index, picture in worst:
+            picture.save(crops / f"{_plain(name)}_{strategy}_{lines}_{index:04d}.png")
     pixels = len(path) * screen.width * screen.height
     return Finding(
         model=name,
@@ -162,6 +165,7 @@ def main() -> None:
     parser.add_argument("models", nargs="*", default=MODELS, metavar="MODEL")
     parser.add_argument("--frames", type=int, default=120)
     parser.add_argument("--lines", type=int, nargs="+", default=[540, 1080])
+    parser.add_argument("--tour", choices=[offer.name for offer in TOURS], help="default: the automatic one's")
     parser.add_argument("--depth", type=int)
     parser.add_argument("--work", type=Path, default=Path("build/thin"))
     parser.add_argument("--crops", type=Path)
@@ -177,7 +181,8 @@ def main() -> None:
         file = made if made.exists() else model_file(name, folder)
         with tempfile.TemporaryDirectory() as store:
             model = built(file, Path(store), arguments.depth)
-            path = tour(model, folder / f"tour_{arguments.frames}.json", arguments.frames)
+            way = folder / f"tour_{arguments.tour}_{arguments.frames}.json"
+            path = tour(model, way, arguments.frames, arguments.tour)
             for strategy in ("frustum",) if arguments.depth is None else ("frustum", "vlod"):
                 for lines in arguments.lines:
                     found = measure(name, model, path, strategy, lines, arguments.crops)

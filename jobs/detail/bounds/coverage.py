@@ -1,0 +1,164 @@
+"""How wide a thing is that a level has lost: what the distance between two surfaces does not tell.
+
+A pipe may become a flat strip, or a single triangle: no point of it is farther off than the pipe's radius, and yet it
+is gone where one looks along the strip. So each connected thing is weighed from all sides: the sum of
+area * n n^T over its triangles, with unit normals n, is a quadratic form that says how much surface faces each
+direction; half of it, over the length of a closed thing, is about its width as seen from there. A direction in which a
+level keeps less than KEPT of that is one in which the thing is lost, and its width in this direction is what the level
+must answer for. Widths are at most twice the distance between the surfaces: what is wider cannot be lost.
+
+Based on: A. L. Cauchy, Memoire sur la rectification des courbes et la quadrature des surfaces courbes, 1832 (a convex
+body's shadow is half of the sum of its faces' shadows); C. G. J. Jacobi, Ueber ein leichtes Verfahren, die in der
+Theorie der Saecularstoerungen vorkommenden Gleichungen numerisch aufzuloesen, Crelle 30, 1846 (axes of a form).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jobs.objects.weld import OPEN
+from storage.base.kernels import allocating_kernel, kernel
+
+#: A thing is lost in a direction in which less than this part of its surface is left.
+KEPT = 0.5
+#: A level must not be shown where what it has lost is wider than this part of the allowed error.
+PART = 0.5
+#: The least that a form has in any direction, as a part of the most: a flat sheet has nothing along itself.
+FLAT = 1e-6
+#: Rounds of rotations: each squares what is left beside the diagonal.
+ROUNDS = 6
+
+
+class Things(NamedTuple):
+    """The connected things of a mesh, as they are before it is simplified."""
+
+    label: np.ndarray  # (m,) int32: the thing that each triangle belongs to
+    form: np.ndarray  # (k, 3, 3) float64: sum of area * n n^T
+    length: np.ndarray  # (k,) float64: diagonal of the box
+    closed: np.ndarray  # (k,) bool: no edge is open, so that half of the surface faces away
+
+
+@allocating_kernel()
+def make_things(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, label: np.ndarray, count: int) -> Things:
+    """The `count` things of points (n, 3) int32, triangles (m, 3) int32, twin (3 m,), label (m,): see `components`."""
+    length = np.zeros(count)
+    closed = np.ones(count, np.bool_)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for t in range(len(triangles)):
+        thing = label[t]
+        for e in range(3):
+            closed[thing] = closed[thing] and twin[3 * t + e] != OPEN
+            for c in range(3):
+                low[thing, c] = min(low[thing, c], points[triangles[t, e], c])
+                high[thing, c] = max(high[thing, c], points[triangles[t, e], c])
+    for thing in range(count):
+        total = 0.0
+        for c in range(3):
+            total += (high[thing, c] - low[thing, c]) ** 2
+        length[thing] = np.sqrt(total)
+    every = np.arange(len(triangles)).astype(np.int32)
+    return Things(label, _forms(points, triangles, label, every, count), length, closed)
+
+
+@allocating_kernel()
+def _forms(points: np.ndarray, triangles: np.ndarray, label: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
+    """The sum of area * n n^T (count, 3, 3) over the triangles (m, 3) of each thing; label[source] is their thing."""
+    form = np.zeros((count, 3, 3))
+    normal = np.empty(3)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy, uz = (
+            np.float64(points[b, 0]) - points[a, 0],
+            np.float64(points[b, 1]) - points[a, 1],
+            np.float64(points[b, 2]) - points[a, 2],
+        )
+        vx, vy, vz = (
+            np.float64(points[c, 0]) - points[a, 0],
+            np.float64(points[c, 1]) - points[a, 1],
+            np.float64(points[c, 2]) - points[a, 2],
+        )
+        normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        twice = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        if twice > 0.0:
+            thing = label[source[t]]
+            for i in range(3):
+                for j in range(3):
+                    form[thing, i, j] += normal[i] * normal[j] / (2.0 * twice)
+    return form
+
+
+@kernel()
+def _axes(form: np.ndarray, axes: np.ndarray) -> None:
+    """Turn a symmetric form (3, 3) into a diagonal one, in place; axes (3, 3): gets its unit axes as columns."""
+    for i in range(3):
+        for j in range(3):
+            axes[i, j] = 1.0 if i == j else 0.0
+    for _ in range(ROUNDS):
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if abs(form[p, q]) <= 1e-15 * (abs(form[p, p]) + abs(form[q, q])):
+                continue
+            theta = (form[q, q] - form[p, p]) / (2.0 * form[p, q])
+            t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + np.sqrt(theta * theta + 1.0))
+            c = 1.0 / np.sqrt(t * t + 1.0)
+            s = t * c
+            for k in range(3):
+                kp, kq = form[k, p], form[k, q]
+                form[k, p], form[k, q] = c * kp - s * kq, s * kp + c * kq
+            for k in range(3):
+                pk, qk = form[p, k], form[q, k]
+                form[p, k], form[q, k] = c * pk - s * qk, s * pk + c * qk
+            for k in range(3):
+                kp, kq = axes[k, p], axes[k, q]
+                axes[k, p], axes[k, q] = c * kp - s * kq, s * kp + c * kq
+
+
+@allocating_kernel()
+def lost_width(things: Things, points: np.ndarray, triangles: np.ndarray, source: np.ndarray) -> float:
+    """The largest width, in grid steps, of a thing in a direction in which it is lost; 0 if nothing is.
+
+    points (n, 3) int32, triangles (m, 3) int32: what was made of the things, as it is before triangles that are there
+    twice are left out; source (m,) int32: which of the former triangles each one was.
+    """
+    count = len(things.length)
+    left = _forms(points, triangles, things.label, source, count)
+    before, axes = np.empty((3, 3)), np.empty((3, 3))
+    white, now, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    widest = 0.0
+    for thing in range(count):
+        for i in range(3):
+            for j in range(3):
+                before[i, j] = things.form[thing, i, j]
+        _axes(before, axes)
+        most = max(before[0, 0], before[1, 1], before[2, 2])
+        if most <= 0.0:
+            continue
+        for i in range(3):
+            for j in range(3):
+                white[i, j] = axes[i, j] / np.sqrt(max(before[j, j], FLAT * most))
+        for i in range(3):
+            for j in range(3):
+                now[i, j] = 0.0
+                for k in range(3):
+                    for n in range(3):
+                        now[i, j] += white[k, i] * left[thing, k, n] * white[n, j]
+        _axes(now, turn)
+        for i in range(3):
+            if now[i, i] >= KEPT:
+                continue
+            squared = 0.0
+            for k in range(3):
+                along = white[k, 0] * turn[0, i] + white[k, 1] * turn[1, i] + white[k, 2] * turn[2, i]
+                squared += along * along
+            width = 1.0 / (squared * max(things.length[thing], 1.0))
+            widest = max(widest, 0.5 * width if things.closed[thing] else width)
+    return widest
+
+
+def shown_error(error: float, lost: float) -> float:
+    """From which error on a level may be shown: its own, or more where it has lost something wide.
+
+    error: two-sided Hausdorff bound; lost: the largest width of a thing that is lost; all in the same unit.
+    """
+    return max(error, min(lost, 2.0 * error) / PART)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.detail.bounds.closest import Surface, make_surface
-from jobs.detail.bounds.coverage import Things, lost_width, make_things, shown_error
+from jobs.detail.bounds.coverage import Things, lost_width, make_things, shown_error, widen
 from jobs.detail.bounds.hausdorff import hausdorff_bound
 from jobs.detail.collapsing.borders import border_kept, same_places
 from jobs.detail.collapsing.clean import cleaned
@@ -130,7 +130,8 @@ def simplified(state: State, target: int, twin: np.ndarray, locked: int, outward
     result is not, its triangles are seen from both sides, and one of two that are back to back suffices.
     """
     collapse(state, target, np.inf)
-    points, triangles, source = snapshot(state)
+    points, triangles, source, reach = snapshot(state)
+    widen(things, points, triangles, source, reach)
     lost = lost_width(things, points, triangles, source)
     if outward:
         kept_points, kept, which = cleaned(points, triangles, True)

@@ -24,7 +24,15 @@ from storage.base.kernels import allocating_kernel, kernel
 #: A thing is lost in a direction in which less than this part of its surface is left.
 KEPT = 0.5
 #: A level must not be shown where what it has lost is wider than this part of the allowed error.
-PART = 0.5
+PART = 1.0
+#: Things are thin where they are less wide than so many times what their points have been moved by.
+THIN = 10.0
+#: They are widened by at most this part of their width on each side.
+SWELL = 0.25
+#: What holds points in the plane of their triangles, as a part of what holds them to these.
+LOOSE = 1e-3
+#: A point at a corner goes at most this many times as far as the planes of its triangles.
+LONGEST = 2.0
 #: The least that a form has in any direction, as a part of the most: a flat sheet has nothing along itself.
 FLAT = 1e-6
 #: Rounds of rotations: each squares what is left beside the diagonal.
@@ -38,6 +46,7 @@ class Things(NamedTuple):
     form: np.ndarray  # (k, 3, 3) float64: sum of area * n n^T
     length: np.ndarray  # (k,) float64: diagonal of the box
     closed: np.ndarray  # (k,) bool: no edge is open, so that half of the surface faces away
+    width: np.ndarray  # (k,) float64: of what is seen from the side from which it is thin, about
 
 
 @allocating_kernel()
@@ -59,7 +68,87 @@ def make_things(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, lab
             total += (high[thing, c] - low[thing, c]) ** 2
         length[thing] = np.sqrt(total)
     every = np.arange(len(triangles)).astype(np.int32)
-    return Things(label, _forms(points, triangles, label, every, count), length, closed)
+    form = _forms(points, triangles, label, every, count)
+    width = np.empty(count)
+    now, axes = np.empty((3, 3)), np.empty((3, 3))
+    for thing in range(count):
+        now[:] = form[thing]
+        _axes(now, axes)
+        x, y, z = now[0, 0], now[1, 1], now[2, 2]
+        second = max(min(x, y), min(max(x, y), z))
+        width[thing] = (0.5 if closed[thing] else 1.0) * second / max(length[thing], 1.0)
+    return Things(label, form, length, closed, width)
+
+
+@allocating_kernel()
+def widen(things: Things, points: np.ndarray, triangles: np.ndarray, source: np.ndarray, reach: np.ndarray) -> None:
+    """Move the points (n, 3) int32 of thin closed things outward, so that they stay as wide as they were.
+
+    Where edges have been collapsed, some of the surface lies inside of the former one, by about `reach` (n,) at each
+    point, and some outside; what is thinner than a pixel must not get thinner still. triangles (m, 3), source (m,): as
+    in `lost_width`. A point moves by its reach from the planes of all its triangles, as well as may be; by SWELL of the
+    thing's width at most, and not at all where that is more than THIN times its reach.
+    """
+    matrix, vector = np.zeros((len(points), 6)), np.zeros((len(points), 3))
+    amount = np.zeros(len(points))
+    for t in range(len(triangles)):
+        thing = things.label[source[t]]
+        if not things.closed[thing]:
+            continue
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        width = things.width[thing]
+        thin = False
+        for v in (a, b, c):
+            if reach[v] > 0.0 and width < THIN * reach[v]:
+                amount[v] = min(reach[v], SWELL * width)
+                thin = True
+        if not thin:
+            continue
+        ux, uy, uz = (
+            np.float64(points[b, 0]) - points[a, 0],
+            np.float64(points[b, 1]) - points[a, 1],
+            np.float64(points[b, 2]) - points[a, 2],
+        )
+        vx, vy, vz = (
+            np.float64(points[c, 0]) - points[a, 0],
+            np.float64(points[c, 1]) - points[a, 1],
+            np.float64(points[c, 2]) - points[a, 2],
+        )
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(x * x + y * y + z * z)
+        if length <= 0.0:
+            continue
+        x, y, z = x / length, y / length, z / length
+        for v in (a, b, c):
+            if amount[v] > 0.0:
+                matrix[v, 0] += x * x
+                matrix[v, 1] += x * y
+                matrix[v, 2] += x * z
+                matrix[v, 3] += y * y
+                matrix[v, 4] += y * z
+                matrix[v, 5] += z * z
+                vector[v, 0] += x
+                vector[v, 1] += y
+                vector[v, 2] += z
+    for v in range(len(points)):
+        if amount[v] == 0.0:
+            continue
+        xx, xy, xz, yy, yz, zz = matrix[v]
+        little = LOOSE * (xx + yy + zz)
+        xx, yy, zz = xx + little, yy + little, zz + little
+        cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        determinant = xx * cx + xy * cy + xz * cz
+        if determinant <= 0.0:
+            continue
+        bx, by, bz = vector[v]
+        gx = (cx * bx + cy * by + cz * bz) / determinant
+        gy = (cy * bx + (xx * zz - xz * xz) * by + (xy * xz - xx * yz) * bz) / determinant
+        gz = (cz * bx + (xy * xz - xx * yz) * by + (xx * yy - xy * xy) * bz) / determinant
+        length = np.sqrt(gx * gx + gy * gy + gz * gz)
+        part = amount[v] * (LONGEST / length if length > LONGEST else 1.0)
+        points[v, 0] += np.int32(np.rint(part * gx))
+        points[v, 1] += np.int32(np.rint(part * gy))
+        points[v, 2] += np.int32(np.rint(part * gz))
 
 
 @allocating_kernel()

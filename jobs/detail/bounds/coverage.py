@@ -23,6 +23,10 @@ from storage.base.kernels import allocating_kernel, kernel
 
 #: A thing is lost in a direction in which less than this part of its surface is left.
 KEPT = 0.5
+#: Of a round thing's form in a direction, this part over its length is its width: half of it faces away.
+ROUND = 2.0 / np.pi
+#: What is closed and has fewer triangles than a prism ends in a point or in an edge: from some side it is half gone.
+SOLID = 8
 #: A level must not be shown where what it has lost is wider than this part of the allowed error.
 PART = 1.0
 #: Things are thin where they are less wide than so many times what their points have been moved by.
@@ -47,6 +51,7 @@ class Things(NamedTuple):
     length: np.ndarray  # (k,) float64: diagonal of the box
     closed: np.ndarray  # (k,) bool: no edge is open, so that half of the surface faces away
     width: np.ndarray  # (k,) float64: of what is seen from the side from which it is thin, about
+    triangles: np.ndarray  # (k,) int32: how many
 
 
 @allocating_kernel()
@@ -76,8 +81,17 @@ def make_things(points: np.ndarray, triangles: np.ndarray, twin: np.ndarray, lab
         _axes(now, axes)
         x, y, z = now[0, 0], now[1, 1], now[2, 2]
         second = max(min(x, y), min(max(x, y), z))
-        width[thing] = (0.5 if closed[thing] else 1.0) * second / max(length[thing], 1.0)
-    return Things(label, form, length, closed, width)
+        width[thing] = (ROUND if closed[thing] else 1.0) * second / max(length[thing], 1.0)
+    return Things(label, form, length, closed, width, _counts(label, every, count))
+
+
+@allocating_kernel()
+def _counts(label: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
+    """How many triangles (count,) int32 each thing has; label[source] is their thing."""
+    triangles = np.zeros(count, np.int32)
+    for s in source:
+        triangles[label[s]] += 1
+    return triangles
 
 
 @allocating_kernel()
@@ -212,10 +226,13 @@ def lost_width(things: Things, points: np.ndarray, triangles: np.ndarray, source
     """
     count = len(things.length)
     left = _forms(points, triangles, things.label, source, count)
+    triangles_left = _counts(things.label, source, count)
     before, axes = np.empty((3, 3)), np.empty((3, 3))
     white, now, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     widest = 0.0
     for thing in range(count):
+        if things.closed[thing] and triangles_left[thing] < SOLID <= things.triangles[thing]:
+            widest = max(widest, things.width[thing])
         for i in range(3):
             for j in range(3):
                 before[i, j] = things.form[thing, i, j]
@@ -241,7 +258,7 @@ def lost_width(things: Things, points: np.ndarray, triangles: np.ndarray, source
                 along = white[k, 0] * turn[0, i] + white[k, 1] * turn[1, i] + white[k, 2] * turn[2, i]
                 squared += along * along
             width = 1.0 / (squared * max(things.length[thing], 1.0))
-            widest = max(widest, 0.5 * width if things.closed[thing] else width)
+            widest = max(widest, ROUND * width if things.closed[thing] else width)
     return widest
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from jobs.scenes.things import equipment
 from jobs.scenes.things.furnishings import Pairs, blocks
-from jobs.scenes.things.solids import Floats, boxes, cylinders, join, lathe, ring, tube_triangles, tubes
+from jobs.scenes.things.solids import Floats, Mesh, boxes, cylinders, join, lathe, ring, tube_triangles, tubes
 from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
 LENGTH, DEPTH, HEIGHT = 12.0, 9.0, 4.5  # of a bay, and its clear height, in metres
@@ -113,7 +113,7 @@ class _Builder:
             ):  # fmt: skip
                 yield work()
 
-    def _add(self, what: str, mesh: equipment.Mesh, material: str | None = None) -> None:
+    def _add(self, what: str, mesh: Mesh, material: str | None = None) -> None:
         self._made += 1
         colour = material or COLOURS[int(self.rng.integers(len(COLOURS)))]
         self.stage.add(f"{self.bay.name} {what} {self._made}", mesh, colour)
@@ -258,7 +258,7 @@ def _lamp() -> Pairs:
 
 def _sprinkler() -> Pairs:
     """A sprinkler head below a ceiling at the origin."""
-    profile = [
+    profile: list[list[float]] = [
         [0, -0.42],
         [0.03, -0.42],
         [0.03, -0.41],

@@ -228,7 +228,7 @@ def lost_width(things: Things, points: np.ndarray, triangles: np.ndarray, source
     left = _forms(points, triangles, things.label, source, count)
     triangles_left = _counts(things.label, source, count)
     before, axes = np.empty((3, 3)), np.empty((3, 3))
-    white, now, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    white, now, turn, squares = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     widest = 0.0
     for thing in range(count):
         if things.closed[thing] and triangles_left[thing] < SOLID <= things.triangles[thing]:
@@ -250,15 +250,22 @@ def lost_width(things: Things, points: np.ndarray, triangles: np.ndarray, source
                     for n in range(3):
                         now[i, j] += white[k, i] * left[thing, k, n] * white[n, j]
         _axes(now, turn)
+        # of all directions between those in which too little is left, the one from which the thing is widest
         for i in range(3):
-            if now[i, i] >= KEPT:
-                continue
-            squared = 0.0
-            for k in range(3):
-                along = white[k, 0] * turn[0, i] + white[k, 1] * turn[1, i] + white[k, 2] * turn[2, i]
-                squared += along * along
-            width = 1.0 / (squared * max(things.length[thing], 1.0))
-            widest = max(widest, ROUND * width if things.closed[thing] else width)
+            for j in range(3):
+                squares[i, j] = 0.0
+                if now[i, i] < KEPT and now[j, j] < KEPT:
+                    for k in range(3):
+                        along = white[k, 0] * turn[0, i] + white[k, 1] * turn[1, i] + white[k, 2] * turn[2, i]
+                        across = white[k, 0] * turn[0, j] + white[k, 1] * turn[1, j] + white[k, 2] * turn[2, j]
+                        squares[i, j] += along * across
+        _axes(squares, axes)
+        least = np.inf
+        for i in range(3):
+            if squares[i, i] * most > 0.5:  # none is below 1 / most, but for directions that keep enough: these are 0
+                least = min(least, squares[i, i])
+        width = 1.0 / (least * max(things.length[thing], 1.0))
+        widest = max(widest, ROUND * width if things.closed[thing] else width)
     return widest
 
 

@@ -1,4 +1,4 @@
-"""How wide a thing is that a level has lost: what the distance between two surfaces does not tell.
+"""Thin things: kept as wide as they were, or how wide what was lost is. Distances between surfaces do not tell.
 
 A pipe may become a flat strip, or a single triangle: no point of it is farther off than the pipe's radius, and yet it
 is gone where one looks along the strip. So each connected thing is weighed from all sides: the sum of
@@ -6,6 +6,8 @@ area * n n^T over its triangles, with unit normals n, is a quadratic form that s
 direction; half of it, over the length of a closed thing, is about its width as seen from there. A direction in which a
 level keeps less than KEPT of that is one in which the thing is lost, and its width in this direction is what the level
 must answer for. Widths are at most twice the distance between the surfaces: what is wider cannot be lost.
+
+Before that, points of thin closed things are moved outward by about as much as they lie inside of what they stand for.
 
 Based on: A. L. Cauchy, Memoire sur la rectification des courbes et la quadrature des surfaces courbes, 1832 (a convex
 body's shadow is half of the sum of its faces' shadows); C. G. J. Jacobi, Ueber ein leichtes Verfahren, die in der

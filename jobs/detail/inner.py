@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.detail.bounds.closest import make_surface
+from jobs.detail.bounds.coverage import make_things, shown_error
 from jobs.detail.bounds.hausdorff import hausdorff_bound
 from jobs.detail.collapsing.borders import border_kept, same_places
 from jobs.detail.collapsing.collapse import NO_PAIRS, begin
@@ -60,8 +61,9 @@ def make_inner(
     Of each child the coarsest offer is taken that is no worse than the best one of the child that needs it most.
     scale: of the model's grid; crease: cosine of the sharpest angle that is smoothed; top: there is nothing above.
     """
-    worst = max(offers[0].error for offers in children)
-    taken = [[offer for offer in offers if offer.error <= worst][-1] for offers in children]
+    most = max(_shown(offers[0]) for offers in children)
+    taken = [[offer for offer in offers if _shown(offer) <= most][-1] for offers in children]
+    worst, lost = max(offer.error for offer in taken), max(offer.lost for offer in taken)
     points, triangles, colours = _together(taken)
     locks = Locks(*(np.concatenate([getattr(offer.locks, name) for offer in taken]) for name in Locks._fields))
     locks = locks.outside(first, last)
@@ -69,7 +71,7 @@ def make_inner(
     locked = np.flatnonzero(same_places(mesh.points, locks.points)).astype(np.int32)
     outward = all(offer.outward for offer in taken) and _closed(mesh, locked)
     given = surface = make_surface(points.astype(np.float64), triangles, mesh.twin)
-    error = worst
+    error, shown = worst, 0.0
     levels: list[Level] = []
     offers: list[Offer] = []
     while top or not levels or (len(levels) < MOST_LEVELS and error <= LARGEST_STEP * offers[0].error):
@@ -77,24 +79,32 @@ def make_inner(
         if levels and (fewer is None or len(fewer.mesh.triangles) > ENOUGH * len(mesh.triangles)):
             break
         every = np.arange(len(mesh.triangles), dtype=np.int32)
-        coarser, source, outward = fewer or Simplified(mesh, every, outward)
+        coarser, source, outward, width = fewer or Simplified(mesh, every, outward, 0.0)
         coarse = make_surface(coarser.points.astype(np.float64), coarser.triangles, coarser.twin)
         if fewer is not None:
             bound, _ = hausdorff_bound(coarse, given, 0.0, max(NEGLIGIBLE * error, FLOOR_STEPS), SLACK)
             error = max(error, worst + bound)
         error = error * (1.0 + ROUNDING) + ROUNDING_STEPS
+        lost = max(lost, width)
+        shown = max(shown_error(error, lost), shown * (1.0 + ROUNDING) + ROUNDING_STEPS)
         held = np.flatnonzero(same_places(coarser.points, mesh.points[locked])).astype(np.int32)
         shading = np.empty((0, 3), np.float32)
         if len(held):
             shading = np.repeat(face_normals(mesh.points, mesh.triangles)[0], 3, axis=0).astype(np.float32)
         before = Finest(surface, mesh.points, mesh.triangles, shading, colours, has_gradients(colours))
-        level, colours = dressed(CoarseLevel(coarser, source, coarse, held, error, outward), before, crease, scale)
+        made = CoarseLevel(coarser, source, coarse, held, error, lost, shown, outward)
+        level, colours = dressed(made, before, crease, scale)
         levels.append(level)
-        offers.append(Offer(coarser.points, coarser.triangles, colours, error, outward, locks))
+        offers.append(Offer(coarser.points, coarser.triangles, colours, error, lost, outward, locks))
         mesh, surface, locked = coarser, coarse, held
         if fewer is None:
             break
     return Inner(Node(scale, tuple(levels)), offers)
+
+
+def _shown(offer: Offer) -> float:
+    """From which error on an offer may be shown."""
+    return shown_error(offer.error, offer.lost)
 
 
 def _together(children: Sequence[Offer]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,7 +128,7 @@ def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bo
     label, things = components(mesh.triangles, len(mesh.points))
     joins = things > 1 and things * FEW_THINGS >= target
     pairs = near_pairs(mesh.points, mesh.triangles, label) if joins else NO_PAIRS
-    found = _reduced(mesh, stays, colours, pairs, target, len(locked), outward and not joins)
+    found = _reduced(mesh, stays, colours, pairs, target, len(locked), outward and not joins, label, things)
     if found.outward and len(locked) and not border_kept(*mesh, locked, found.mesh.points, found.mesh.triangles):
         found = found._replace(outward=False)
     return found if len(found.mesh.triangles) < m else None
@@ -126,11 +136,13 @@ def _simplified(mesh: Mesh, colours: np.ndarray, locked: np.ndarray, outward: bo
 
 @allocating_kernel()
 def _reduced(
-    mesh: Mesh, stays: np.ndarray, colours: np.ndarray, pairs: np.ndarray, target: int, locked: int, outward: bool
-) -> Simplified:
-    """See `begin` and `simplified`."""
+    mesh: Mesh, stays: np.ndarray, colours: np.ndarray, pairs: np.ndarray, target: int, locked: int, outward: bool,
+    label: np.ndarray, count: int,
+) -> Simplified:  # fmt: skip
+    """See `begin`, `make_things` and `simplified`."""
     state = begin(mesh.points, mesh.triangles, mesh.twin, stays, colours, pairs)
-    return simplified(state, target, mesh.twin, locked, outward)
+    things = make_things(mesh.points, mesh.triangles, mesh.twin, label, count)
+    return simplified(state, target, mesh.twin, locked, outward, things)
 
 
 def _closed(mesh: Mesh, locked: np.ndarray) -> bool:

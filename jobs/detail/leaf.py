@@ -112,7 +112,7 @@ def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
         patch.error * scale, patch.outward,
     )  # fmt: skip
     levels = [finest]
-    offers = [Offer(mesh.points, mesh.triangles, patch.colours, patch.error, patch.outward, patch.locks)]
+    offers = [Offer(mesh.points, mesh.triangles, patch.colours, patch.error, 0.0, patch.outward, patch.locks)]
     if len(mesh.triangles) >= FEWEST:
         locked = np.flatnonzero(same_places(mesh.points, patch.locks.points)).astype(np.int32)
         chain = coarser_levels(mesh, patch.colours, patch.error, locked, patch.outward, most - 1)
@@ -123,7 +123,15 @@ def make_leaf(patch: Patch, scale: float, crease: float, most: int) -> Leaf:
             level, colours = dressed(coarse, whole, crease, scale)
             levels.append(level)
             offers.append(
-                Offer(coarse.mesh.points, coarse.mesh.triangles, colours, coarse.error, coarse.outward, patch.locks)
+                Offer(
+                    coarse.mesh.points,
+                    coarse.mesh.triangles,
+                    colours,
+                    coarse.error,
+                    coarse.lost,
+                    coarse.outward,
+                    patch.locks,
+                )
             )
     first = min(OFFERED_LOCKED if len(patch.locks.points) else OFFERED, len(offers) - 1)
     return Leaf(Node(scale, tuple(levels)), offers[first:])
@@ -137,7 +145,8 @@ def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offe
     if normal_matrix(member.matrix)[1]:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
         colours = _reversed(colours)
-    error = offer.error * scale * member.stretch / step + np.sqrt(3.0) / 2
+    longer = scale * member.stretch / step
+    error = offer.error * longer + np.sqrt(3.0) / 2
     if degenerate_triangles(points, triangles).any():
         ids, first = weld(points, np.zeros(len(points), np.int32))
         points, triangles, kept, widened = with_area(points[first], ids[triangles])
@@ -145,7 +154,9 @@ def place_offer(offer: Offer, scale: float, member: Member, step: float) -> Offe
         colours = colours.reshape(-1, 3, 4)[kept].reshape(-1, 4)
         used, triangles = compacted(triangles[kept], len(points))
         points = points[used]
-    return Offer(points, triangles, colours, error * (1.0 + ROUNDING), offer.outward, _locks(member, step))
+    return Offer(
+        points, triangles, colours, error * (1.0 + ROUNDING), offer.lost * longer, offer.outward, _locks(member, step)
+    )
 
 
 class _Taken(NamedTuple):

@@ -33,7 +33,8 @@ class Level:
     normals: np.ndarray  # (n, 3) float32, unit
     colours: np.ndarray  # (n, 4) uint8
     source_faces: np.ndarray | None  # (m, 2) uint32: part and face of the model; finest levels of leaves only
-    error: float  # two-sided Hausdorff bound to the imported triangles that the node stands for, in local units
+    error: float  # from which on it may be shown, in local units: at least the two-sided Hausdorff distance to the
+    # imported triangles that the node stands for, and more where things are lost that are wide compared with that
     one_sided: bool  # closed (with what lies beyond its locked borders) and wound outward
 
 
@@ -70,6 +71,7 @@ class Offer(NamedTuple):
     triangles: np.ndarray  # (m, 3) int32
     colours: np.ndarray  # (3 m, 4) uint8: of the corners
     error: float  # to the model's surface, in grid steps
+    lost: float  # largest width of a thing that is lost, in grid steps: see `bounds.coverage`
     outward: bool  # closed (with what lies beyond locked borders) and wound outward
     locks: Locks
 
@@ -110,7 +112,7 @@ def dressed(level: CoarseLevel, finest: Finest, crease: float, scale: float) -> 
         colours = sampled_colours(level.surface, finest.surface, finest.colours)
     else:  # each triangle keeps its own
         colours = finest.colours.reshape(-1, 3, 4)[level.source].reshape(-1, 4)
-    return level_of(points, triangles, shading, colours, None, level.error * scale, level.outward), colours
+    return level_of(points, triangles, shading, colours, None, level.shown * scale, level.outward), colours
 
 
 def level_of(

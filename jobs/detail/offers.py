@@ -10,7 +10,9 @@ import numpy as np
 
 from jobs.detail.node import Locks, Offer
 
-_NUMBERS = np.dtype([("points", "<i8"), ("triangles", "<i8"), ("locks", "<i8"), ("error", "<f8"), ("outward", "?")])
+_NUMBERS = np.dtype(
+    [("points", "<i8"), ("triangles", "<i8"), ("locks", "<i8"), ("error", "<f8"), ("lost", "<f8"), ("outward", "?")]
+)
 
 
 def affordable(offers: Sequence[Offer], triangles: int, placements: int) -> list[Offer]:
@@ -29,7 +31,8 @@ def save_offers(path: Path, nodes: Sequence[Sequence[Offer]]) -> None:
     numbers = np.zeros(len(there), _NUMBERS)
     for row, offer in zip(numbers, there, strict=True):
         row["points"], row["triangles"] = len(offer.points), len(offer.triangles)
-        row["locks"], row["error"], row["outward"] = len(offer.locks.points), offer.error, offer.outward
+        row["locks"], row["outward"] = len(offer.locks.points), offer.outward
+        row["error"], row["lost"] = offer.error, offer.lost
     np.savez(
         path,
         nodes=np.array([len(offers) for offers in nodes], np.int64),
@@ -60,6 +63,7 @@ def load_offers(path: Path) -> list[list[Offer]]:
                     arrays["triangles"][triangle : triangle + triangles],
                     arrays["colours"][3 * triangle : 3 * (triangle + triangles)],
                     float(row["error"]),
+                    float(row["lost"]),
                     bool(row["outward"]),
                     Locks(*(arrays[f"lock_{name}"][lock : lock + locks] for name in ("points", "first", "last"))),
                 )

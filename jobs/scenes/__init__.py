@@ -10,6 +10,7 @@ Read in this order:
     offices      towers of offices
     plant        an industrial plant
     city         blocks with buildings one can walk into
+    services     pipes, rods, cables and ducts of a service floor
 """
 
 from __future__ import annotations

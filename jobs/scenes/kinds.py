@@ -13,6 +13,7 @@ KINDS = {
     "city": "jobs.scenes.city",
     "offices": "jobs.scenes.offices",
     "plant": "jobs.scenes.plant",
+    "services": "jobs.scenes.services",
 }
 
 

@@ -1,4 +1,4 @@
-"""Certified distances.
+"""Certified distances, and what is lost besides.
 
 Read in this order:
 
@@ -7,4 +7,5 @@ Read in this order:
     cover         how far a triangle lies from a surface that extends above all of it
     parting       the same by parts, where that is not enough
     hausdorff     the bound of the distance between two surfaces
+    coverage      thin things: kept as wide as they were, or how wide what was lost is
 """

@@ -65,6 +65,7 @@ class State(NamedTuple):
     heap_edge: np.ndarray  # (h, 4) int32: the vertices and the versions that they had
     counts: np.ndarray  # (3,) int64
     error: np.ndarray  # (1,) float64: largest error of a collapse so far
+    reach: np.ndarray  # (n,) float64: how far each vertex has come from the planes of its region, about
 
 
 @kernel()
@@ -217,6 +218,7 @@ def begin(
         np.empty((capacity, 4), np.int32),
         np.zeros(3, np.int64),
         np.zeros(1),
+        np.zeros(n),
     )
     state.counts[_LEFT] = m
     _fill_heap(state, twin, pairs)
@@ -476,6 +478,7 @@ def collapse(state: State, target: int, limit: float) -> None:
             state.counts[_HEAP] = _push(heap, edge, size, error, u, v, version[u], version[v])
             continue
         state.error[0] = max(state.error[0], error)
+        state.reach[u] = max(state.reach[u], state.reach[v], np.sqrt(cost2))
 
         # v becomes u
         p[u, 0], p[u, 1], p[u, 2] = x, y, z
@@ -575,13 +578,17 @@ def _drop_stale(state: State) -> None:
 
 
 @allocating_kernel()
-def snapshot(state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is left: grid points (n, 3) int32, triangles (m, 3) int32, and the original of each triangle (m,) int32."""
+def snapshot(state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What is left: grid points (n, 3) int32, triangles (m, 3) int32, and the original of each triangle (m,) int32.
+
+    And how far each point has come from the planes of its region, (n,) float64, about; 0 for locked ones.
+    """
     number = np.full(len(state.positions), -1, np.int32)
     left = state.counts[_LEFT]
     points = np.empty((min(len(number), 3 * left), 3), np.int32)
     triangles = np.empty((left, 3), np.int32)
     source = np.empty(left, np.int32)
+    reach = np.empty(len(points))
     used, count = 0, 0
     for t in range(len(state.alive)):
         if not state.alive[t]:
@@ -591,9 +598,10 @@ def snapshot(state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             v = state.triangles[t, e]
             if number[v] < 0:
                 number[v] = used
+                reach[used] = 0.0 if state.locked[v] else state.reach[v]
                 for c in range(3):
                     points[used, c] = np.int32(np.int64(state.positions[v, c]) + state.centre[c])
                 used += 1
             triangles[count, e] = number[v]
         count += 1
-    return points[:used].copy(), triangles, source
+    return points[:used].copy(), triangles, source, reach[:used].copy()

@@ -11,7 +11,7 @@ from tests.jobs.detail.shapes import sphere
 
 def node_above(balls: list[np.ndarray], triangles: np.ndarray, locks: Locks) -> Inner:
     colours = np.full((3 * len(triangles), 4), 200, np.uint8)
-    offers = [[Offer(points, triangles.astype(np.int32), colours, 0.5, True, locks)] for points in balls]
+    offers = [[Offer(points, triangles.astype(np.int32), colours, 0.5, 0.0, True, locks)] for points in balls]
     return make_inner(offers, 0, 1, 1.0, 0.7, True)
 
 

@@ -33,7 +33,7 @@ def test_the_command_makes_it(command: click.Command, tmp_path: Path) -> None:
 
 
 def test_help_names_it(command: click.Command) -> None:
-    assert "{city|offices|plant|toy}" in CliRunner().invoke(command, ["--help"]).output
+    assert "{city|offices|plant|services|toy}" in CliRunner().invoke(command, ["--help"]).output
 
 
 def test_without_the_line_it_is_refused(tmp_path: Path) -> None:

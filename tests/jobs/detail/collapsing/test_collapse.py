@@ -33,7 +33,7 @@ def simplified(
     stays = np.zeros(len(points), np.bool_) if locked is None else locked
     state = begin(points, triangles, twins(triangles), stays, np.zeros((3 * len(triangles), 4), np.uint8), NO_PAIRS)
     collapse(state, target, limit)
-    return *snapshot(state), float(state.error[0])
+    return *snapshot(state)[:3], float(state.error[0])
 
 
 def prism(sides: int, radius: float, length: float, x: float) -> Shape:
@@ -114,7 +114,7 @@ def test_colours_keep_their_borders() -> None:
     colours = np.repeat(np.where(left[:, None], [255, 0, 0, 255], [0, 0, 255, 255]), 3, axis=0).astype(np.uint8)
     state = begin(points, triangles, twins(triangles), np.zeros(len(points), np.bool_), colours, NO_PAIRS)
     collapse(state, 4, 0.6)
-    new_points, new_triangles, source = snapshot(state)
+    new_points, new_triangles, source, _ = snapshot(state)
     assert len(new_triangles) == 4
     for t, s in zip(new_triangles, source, strict=True):
         side = new_points[t][:, 0].mean() < points[:, 0].max() / 2
@@ -142,7 +142,7 @@ def test_any_soup_is_survived(seed: int, m: int, target: int, paired: bool) -> N
         near_pairs(points, triangles, components(triangles, len(points))[0]) if paired else NO_PAIRS,
     )  # fmt: skip
     collapse(state, target, np.inf)
-    _, new_triangles, source = snapshot(state)
+    _, new_triangles, source, _ = snapshot(state)
     assert 0 < len(new_triangles) <= len(triangles)
     label, things = components(triangles, len(points))
     assert paired or len(np.unique(label[source])) == things
@@ -193,7 +193,7 @@ def test_pairs_let_things_grow_together(seed: int, count: int, target: int) -> N
         pairs,
     )
     collapse(state, target, np.inf)
-    new_points, new_triangles, source = snapshot(state)
+    new_points, new_triangles, source, _ = snapshot(state)
     assert 0 < len(new_triangles) <= max(target, count // 2 + 12)
     assert len(np.unique(source)) == len(source)
     rng = np.random.default_rng(seed)
@@ -219,7 +219,7 @@ def test_far_things_stay_apart_longer_than_near_ones() -> None:
         pairs,
     )
     collapse(state, 24, np.inf)
-    new_points, new_triangles, _ = snapshot(state)
+    new_points, new_triangles, _, _ = snapshot(state)
     side = new_points[new_triangles][:, :, 0] > new_points[:, 0].mean()
     assert (side.all(axis=1) | ~side.any(axis=1)).all()
     assert side.any()

@@ -8,6 +8,7 @@ not. A server that falls silent is given up after a while, so no read lasts for 
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -33,6 +34,12 @@ SILENCE_TIME = 20.0
 
 #: Answers of HTTP servers that another attempt may change, besides all from 500 on: time-out, too early, too many.
 _LATER = (408, 425, 429)
+
+#: Answers of HTTP servers to who may not read.
+_FORBIDDEN = (401, 403, 407)
+
+#: What aiohttp says of every connection that fails, whether it was to be a secure one or not.
+_TLS_AS_EVER = " ssl:default"
 
 _NOT_THERE = (FileNotFoundError, NotADirectoryError, IsADirectoryError)
 
@@ -76,7 +83,8 @@ class Files:
         try:
             data = self._read_folder(path, start, end) if self._folder else self._read_system(path, start, end)
         except _NOT_THERE as error:
-            raise StoreNotFoundError(f"{self.url}/{path} does not exist") from error
+            state = "is a folder and no file" if isinstance(error, IsADirectoryError) else "is missing"
+            raise StoreNotFoundError(f"{self.url}/{path} {state}") from error
         except OSError as error:
             raise self._unreachable(path, error) from error
         with self._lock:
@@ -84,13 +92,13 @@ class Files:
         return data
 
     def size(self, path: str) -> int | None:
-        """Length of a file in bytes; None if it does not exist, or if its server does not say.
+        """Length of a file in bytes; None if there is no such file, or if its server does not say.
 
         Raises StoreUnreachableError if nothing can be learnt of it.
         """
         try:
-            size = (self._folder / path).stat().st_size if self._folder else self._ask("size", path)
-        except (FileNotFoundError, NotADirectoryError):
+            size = self._size_in_folder(path) if self._folder else self._ask("size", path)
+        except _NOT_THERE:
             return None
         except OSError as error:
             raise self._unreachable(path, error) from error
@@ -106,6 +114,11 @@ class Files:
             while len(data) < end - start and (more := file.read(end - start - len(data))):
                 data += more
             return data
+
+    def _size_in_folder(self, path: str) -> int | None:
+        assert self._folder is not None
+        found = (self._folder / path).stat()
+        return None if stat.S_ISDIR(found.st_mode) else found.st_size
 
     def _read_system(self, path: str, start: int, end: int | None) -> bytes:
         if end is None:
@@ -137,7 +150,15 @@ class Files:
             raise OSError(str(error) or type(error).__name__) from error
 
     def _unreachable(self, path: str, error: OSError) -> StoreUnreachableError:
-        return StoreUnreachableError(f"{self.url}/{path} cannot be read: {str(error) or type(error).__name__}")
+        status = getattr(error.__cause__, "status", None)
+        if isinstance(error, PermissionError) or status in _FORBIDDEN:
+            cure = "see that you may read it"
+        elif self._folder:
+            cure = "see that its disk is there and sound"
+        else:
+            cure = "see that the address is right and its server runs"
+        said = str(error).replace(_TLS_AS_EVER, "") or type(error).__name__
+        return StoreUnreachableError(f"{self.url}/{path} cannot be read: {said}; {cure}")
 
 
 def _time_limits(url: str) -> dict[str, Any]:

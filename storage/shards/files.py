@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -23,8 +25,14 @@ ATTEMPTS = 4
 #: added, so that many players do not come back at once.
 FIRST_PAUSE = 0.2
 
+#: The longest pause but for its random part, in seconds.
+LONGEST_PAUSE = 3.0
+
 #: No attempt begins later than this after the first one, in seconds.
 LAST_ATTEMPT = 30.0
+
+#: Whoever is patient hears of it when a request has failed so often.
+TOLD_AT = 2
 
 #: How long an HTTP server may take to accept a connection, in seconds.
 CONNECT_TIME = 10.0
@@ -54,6 +62,7 @@ class Files:
     def __init__(self, url: str | os.PathLike[str]) -> None:
         self.url = os.fspath(url).rstrip("/") or "/"
         self.bytes_fetched = 0
+        self._tell: Callable[[str], None] | None = None
         self._lock = Lock()
         self._folder: Path | None = None
         self._system: Any = None
@@ -74,6 +83,18 @@ class Files:
                 raise StoreNotFoundError(
                     f"{self.url} is no address that can be opened: {error}; give a path or a URL"
                 ) from error
+
+    @contextmanager
+    def patient(self, tell: Callable[[str], None]) -> Iterator[None]:
+        """While the block runs, what may pass is waited for until LAST_ATTEMPT, not for ATTEMPTS only.
+
+        For what nothing can stand in for. tell: hears, in one line, of every request that is waited for.
+        """
+        former, self._tell = self._tell, tell
+        try:
+            yield
+        finally:
+            self._tell = former
 
     def read(self, path: str, start: int = 0, end: int | None = None) -> bytes:
         """The bytes from start to end of a file; fewer where the file is shorter.
@@ -136,10 +157,19 @@ class Files:
         """What the file system answers, asked again where that may help. Raises OSError, whatever the system raises."""
         import tenacity
 
+        tell = self._tell
+
+        def say(attempt: tenacity.RetryCallState) -> None:
+            if tell is not None and attempt.attempt_number == TOLD_AT:
+                tell(f"{self.url}/{path} does not come: trying again for up to {LAST_ATTEMPT:g} seconds ...")
+
+        attempts = tenacity.stop_after_attempt(ATTEMPTS) if tell is None else tenacity.stop_never
+        pauses = tenacity.wait_exponential(multiplier=FIRST_PAUSE, max=LONGEST_PAUSE)
         asking = tenacity.Retrying(
             retry=tenacity.retry_if_exception(_may_pass),
-            stop=tenacity.stop_after_attempt(ATTEMPTS) | tenacity.stop_after_delay(LAST_ATTEMPT),
-            wait=tenacity.wait_exponential(multiplier=FIRST_PAUSE) + tenacity.wait_random(0, FIRST_PAUSE),
+            stop=tenacity.stop_any(attempts, tenacity.stop_after_delay(LAST_ATTEMPT)),
+            wait=pauses + tenacity.wait_random(0, FIRST_PAUSE),
+            before_sleep=say,
             reraise=True,
         )
         try:

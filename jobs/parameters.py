@@ -100,12 +100,13 @@ def view_space(
         depth = min(MAX_DEPTH, max(0, math.floor(math.log2(octree.size / parameters.cell_size) + 1e-9)))
     if parameters.region is not None:
         region_lo, region_hi = _corners(parameters.region, origin)
-        lo, hi = np.maximum(lo, region_lo), np.minimum(hi, region_hi)
-        if not (lo < hi).all():
+        within_lo, within_hi = np.maximum(lo, region_lo), np.minimum(hi, region_hi)
+        if not (within_lo < within_hi).all():
             raise ParameterError(
                 f"the region {parameters.region} lies outside the view space, which is "
                 f"{np.round(np.concatenate([lo, hi]) + np.tile(origin, 2), 6).tolist()}: choose a region inside it"
             )
+        lo, hi = within_lo, within_hi
     return ViewSpace(
         octree, (float(lo[0]), float(lo[1]), float(lo[2])), (float(hi[0]), float(hi[1]), float(hi[2])), depth
     )

@@ -25,6 +25,7 @@ from jobs.report.build_report import BuildReport
 from jobs.running.executors import Executor
 from jobs.running.memory import TASK_MEMORY, MemoryWatch
 from jobs.running.run import Run
+from jobs.running.tasks import TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
 from jobs.stages.common.build_state import BuildState, StageFile
@@ -63,7 +64,8 @@ def build(
 
     inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default;
     memory: that a task may need, in bytes, which changes no result.
-    May be interrupted or killed at any moment; the same call again goes on where it was. Raises ModelError,
+    May be interrupted or killed at any moment; the same call again goes on where it was. What is refused for its inputs
+    or for where its cells would lie leaves nothing behind. Raises ModelError,
     ParameterError, JobError, StoreError where the former version cannot be read, and OSError where files cannot be
     written.
     """
@@ -77,9 +79,12 @@ def build(
     with place.made(), place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = Run(place, executor, progress or Silent(), watch, memory)
         state = BuildState(place, inputs, parameters)
-        run_stages(STAGES, run, state)
-
+        first, *later = STAGES
+        run_stages((first,), run, state)
         imported = state.one(import_model.STAGE)
+        _check_view_space(state, imported)
+        run_stages(later, run, state)
+
         manifest = Manifest(
             model=from_json(ModelSection, imported.record["model"], "the model"),
             pixel_angle=angle,
@@ -109,6 +114,16 @@ def run_stages(stages: Iterable[StageFile], run: Run, state: BuildState) -> None
     for stage in stages:
         first, followers_of = stage.tasks(state)
         state.results[stage.STAGE.name] = run.all(stage.STAGE, first, followers_of)
+
+
+def _check_view_space(state: BuildState, imported: TaskResult) -> None:
+    """Raises ParameterError where no cells can be, as soon as the model's box is known, and takes this import back."""
+    try:
+        state.view_space(imported)
+    except ParameterError:
+        if not imported.reused:
+            state.place.forget(import_model.STAGE.name, imported.key)
+        raise
 
 
 def _shard_bytes(manifest: Manifest) -> dict[str, int]:

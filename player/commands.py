@@ -45,16 +45,21 @@ def play(context: click.Context, /, store: str, **values: Any) -> None:
     from player.shown_model import shown_model
     from player.tour.survey import survey
     from player.tour.tour import make_tour
+    from storage.base.errors import StoreError
     from storage.store import open_store
 
     path = read_path(way.path_file) if way.path_file is not None else None
     settings = _settings(drawing, taken(Loading, values))
     _tell_of_compiling(context)
-    model = shown_model(open_store(store))
+    model = shown_model(open_store(store, tell=_tell))
     screen = _screen(model, taken(Picture, values))
     make = partial(make_tour, model, frames=way.tour_frames, seed=0, kind=way.tour)
     if headless.headless:
-        path = path or make(survey(model))
+        try:
+            with model.store.files.patient(_tell):
+                path = path or make(survey(model))
+        except StoreError as error:  # only the tour needs what cannot be had
+            raise StoreError(f"{error}, or give a --path") from error
         if headless.fps is not None:
             path = path.resampled(headless.fps)
         if not _play_headless(model, path, screen, settings, headless):
@@ -62,10 +67,12 @@ def play(context: click.Context, /, store: str, **values: Any) -> None:
         return
     from player.shells.window import WindowOptions, run
 
-    known = survey(model)
+    with model.store.files.patient(_tell):
+        known = survey(model)
+        first = path or make(known)
     options = WindowOptions(
         screen=screen,
-        path=path or make(known),
+        path=first,
         replay=path is not None,
         output=taken(InWindow, values).output,
         eye_height=known.eye_height,
@@ -94,8 +101,9 @@ def path(context: click.Context, /, store: str, output: Path | None, frames: int
     from storage.store import open_store
 
     _tell_of_compiling(context)
-    model = shown_model(open_store(store))
-    made = make_tour(model, survey(model), frames=frames, seed=seed, kind=tour)
+    model = shown_model(open_store(store, tell=_tell))
+    with model.store.files.patient(_tell):
+        made = make_tour(model, survey(model), frames=frames, seed=seed, kind=tour)
     if output is None:
         click.echo(path_text(made), nl=False)
     else:
@@ -108,6 +116,11 @@ def _tell_of_compiling(context: click.Context) -> None:
     from storage.base.compiling import WhenLong, listening, notice
 
     context.with_resource(listening(WhenLong(partial(click.echo, notice("a minute"), err=True))))
+
+
+def _tell(line: str) -> None:
+    """Says on standard error what is waited for."""
+    click.echo(line, err=True)
 
 
 def _settings(drawing: Drawing, loading: Loading) -> Settings:
@@ -154,6 +167,12 @@ def _play_headless(model: ShownModel, path: Any, screen: Screen, settings: Setti
     if totals["troubles"]:
         said = "; ".join(totals["troubles"][:3])
         click.echo(f"{totals['lacking_frames']} frames lack what cannot be read: {said}", err=True)
+    if not settings.wait and totals["absent_frames"]:
+        click.echo(
+            f"{totals['absent_frames']} of {totals['frames']} frames lack up to {totals['most_absent']} nodes that had "
+            "not arrived: leave --no-wait out for whole ones",
+            err=True,
+        )
     if headless.as_json:
         summary = {key: report.content[key] for key in ("totals", "compare") if key in report.content}
         click.echo(json.dumps(summary, indent=1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from storage.base.errors import StoreError
+from storage.base.errors import CURE, StoreError
 from storage.shards.manifest import FILE, Manifest, from_bytes
 from storage.shards.shard_files import ShardFiles
 from storage.shards.shards import ShardRecord, shard_path
@@ -26,10 +26,11 @@ def problems(shards: ShardFiles, manifest: Manifest) -> Iterator[Problem]:
 
     manifest: as it was when the store was opened.
     """
+    place = f"{shards.files.url}/{FILE}"
     try:
-        read = from_bytes(shards.files.read(FILE), FILE)
+        read = from_bytes(shards.files.read(FILE), place)
         if read.version == manifest.version and read != manifest:
-            yield Problem(FILE, f"{FILE} is not what it was when the store was opened")
+            yield Problem(FILE, f"{place} is not what it was when the store was opened")
     except StoreError as error:
         yield Problem(FILE, str(error))
     for _, record in manifest.shards():
@@ -42,7 +43,7 @@ def problems_of_shard(shards: ShardFiles, record: ShardRecord) -> Iterator[Probl
     try:
         size = shards.files.size(path)
         if size is not None and size != record.bytes:
-            yield Problem(path, f"{path} has {size} bytes, not {record.bytes}; copy it again or run the build again")
+            yield Problem(path, f"{shards.files.url}/{path} has {size} bytes, not {record.bytes}; {CURE}")
             return
         for what in shards.reader(record).problems():
             yield Problem(path, what)

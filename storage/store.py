@@ -14,7 +14,8 @@ A store is safe to use from several threads. Everything that is given out is rea
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -137,15 +138,23 @@ class Store(Geometry):
             raise NotComputedError(f"cell {cell} was not computed; run `vlod build` again to finish the store")
 
 
-def open_store(url: str | os.PathLike[str], *, version: int | None = None) -> Store:
+def open_store(
+    url: str | os.PathLike[str], *, version: int | None = None, tell: Callable[[str], None] | None = None
+) -> Store:
     """Opens a store for reading: a path, or a URL that fsspec knows (file, http, https, memory, s3, ...).
 
-    version: an older version of it; None for the current one.
+    version: an older version of it; None for the current one; tell: waits longer for a server that does not answer, and
+    hears of that: see `storage.shards.files.Files.patient`.
     Raises StoreNotFoundError where there is no store, CorruptStoreError where it is damaged, StoreFormatError where its
     format is unknown, StoreUnreachableError where it cannot be read, MissingDependencyError where its protocol needs a
     package that is not installed.
     """
     files = Files(url)
+    with files.patient(tell) if tell is not None else nullcontext():
+        return _opened(files, version)
+
+
+def _opened(files: Files, version: int | None) -> Store:
     path = FILE if version is None else version_path(version)
     try:
         data = files.read(path)

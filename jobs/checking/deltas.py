@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from jobs.checking.report import Problems
 from jobs.checking.workers import Place
-from storage.base.errors import CorruptStoreError
+from storage.base.errors import StoreError
 from storage.cells.deltas import Delta
 
 #: Most cells of a run.
@@ -51,13 +51,17 @@ def runs(shard_cells: Sequence[int], damaged: Sequence[bool]) -> Iterator[Run]:
 
 def check_run(place: Place, run: Run) -> CheckedRun:
     """Checks the vLODs of a run's cells, and the changes to all neighbours with higher numbers."""
-    store = place.store
-    held = np.zeros(len(store.drawables), np.bool_)
     boundaries, problems = 0, Problems()
+    try:
+        store = place.store
+    except StoreError as error:
+        problems.note([f"cells {run.first} to {run.end - 1} cannot be checked: {error}"])
+        return CheckedRun(boundaries, problems)
+    held = np.zeros(len(store.drawables), np.bool_)
     for cell in (run.first + np.flatnonzero(store.cells["computed"][run.first : run.end])).tolist():
         try:
             vlod = store.vlod(cell)
-        except CorruptStoreError as error:
+        except StoreError as error:
             problems.note([str(error)])
             continue
         if len(vlod) and vlod[-1] >= len(held):
@@ -69,12 +73,12 @@ def check_run(place: Place, run: Run) -> CheckedRun:
                 continue
             try:
                 after = store.vlod(other)
-            except CorruptStoreError:
+            except StoreError:
                 continue  # said where this cell's turn comes
             boundaries += 1
             try:
                 delta = store.delta(cell, other)
-            except CorruptStoreError as error:
+            except StoreError as error:
                 problems.note([str(error)])
                 continue
             if not _turns(held, vlod, delta, after):

@@ -8,7 +8,7 @@ import numpy as np
 
 from jobs.checking.report import Problems
 from jobs.checking.workers import Place
-from storage.base.errors import CorruptStoreError
+from storage.base.errors import StoreError
 from storage.model.cut import UNBOUNDED
 
 
@@ -17,7 +17,7 @@ def check_detail(place: Place, cell: int) -> Problems:
     problems = Problems()
     try:
         problems.note(_faults(place, cell))
-    except CorruptStoreError as error:
+    except StoreError as error:
         problems.note([f"cell {cell} cannot be checked: {error}"])
     return problems
 

@@ -12,7 +12,7 @@ from jobs.checking.cut_oracle import CutOracle
 from jobs.checking.oracle import Sight, examine
 from jobs.checking.report import CellFindings, Problems
 from jobs.checking.workers import Place
-from storage.base.errors import CorruptStoreError
+from storage.base.errors import StoreError
 from storage.store import Store
 
 
@@ -41,7 +41,7 @@ def cast_rays(place: Place, sample: Sample) -> Seen:
         findings, missed = _cast(place, sample)
         if place.manifest.approximation is None:
             problems.note(_accusations(place.store, sample.cell, missed))
-    except CorruptStoreError as error:
+    except StoreError as error:
         problems.note([f"no rays can be cast from cell {sample.cell}: {error}"])
         return Seen(None, problems)
     return Seen(findings, problems)

@@ -30,7 +30,7 @@ from jobs.checking.rays import Sample, cast_rays
 from jobs.checking.report import VerifyReport
 from jobs.checking.workers import Place, Workers
 from storage import open_store
-from storage.base.errors import CorruptStoreError, ParameterError
+from storage.base.errors import ParameterError, StoreError, StoreNotFoundError
 from storage.base.progress import Progress, Silent
 from storage.shards.files import Files
 from storage.shards.manifest import FILE, from_bytes
@@ -61,7 +61,7 @@ def verify(
     Raises:
         StoreNotFoundError, StoreFormatError: there is no store that can be read.
         CorruptStoreError: the manifest is damaged, so that nothing is known of the rest.
-        StoreUnreachableError: the store cannot be read.
+        StoreUnreachableError: the manifest cannot be read; of all else that is a problem like others.
         WorkerLostError: a worker died.
         ParameterError: samples or cells below 0, workers below 1.
     """
@@ -98,7 +98,9 @@ def _opened(url: str) -> tuple[Place, str | None]:
     """The store; and what is wrong where its manifest can be read, but not its tables."""
     try:
         store = open_store(url)
-    except CorruptStoreError as error:
+    except StoreNotFoundError:
+        raise
+    except StoreError as error:
         files = Files(url)
         return Place(url, from_bytes(files.read(FILE), f"{files.url}/{FILE}")), str(error)
     return Place(url, store.manifest, store), None
@@ -130,7 +132,7 @@ class _Parts:
 
     def finish(self, note: str, problems: int) -> None:
         """The part is done."""
-        self._progress.finish(f"{note}, {problems:,} problems" if problems else note)
+        self._progress.finish(f"{note}, {problems:,} problem{'s' if problems > 1 else ''}" if problems else note)
 
 
 def _check_checksums(parts: _Parts, report: VerifyReport) -> list[bool]:

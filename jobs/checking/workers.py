@@ -47,7 +47,7 @@ class Place:
 
     @property
     def store(self) -> Store:
-        """The store. Raises CorruptStoreError where its tables are damaged."""
+        """The store. Raises StoreError where its tables are damaged or cannot be read."""
         if self._store is None:
             self._store = Store(self.files, self.manifest)
         return self._store

@@ -2,7 +2,7 @@
 
     VlodError
     └── JobError                a build could not go on
-        ├── WorkInUseError      another build is using the work directory (also a BlockingIOError)
+        ├── WorkInUseError      another build is in the work directory or the store (also a BlockingIOError)
         ├── WorkerLostError     a task's worker died again and again (also a RuntimeError)
         ├── MemoryLimitError    a task needs more memory than there is (also a MemoryError)
         ├── ClusterError        the cluster does not answer (also a ConnectionError)
@@ -21,7 +21,7 @@ class JobError(VlodError):
 
 
 class WorkInUseError(JobError, BlockingIOError):
-    """Another build is using the work directory."""
+    """Another build is using the work directory, or builds the same store."""
 
 
 class WorkerLostError(JobError, RuntimeError):

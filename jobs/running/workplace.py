@@ -55,6 +55,12 @@ class Workplace:
             self._set_aside(final, usable)
         _flush(final.parent)
 
+    def forget(self, stage: str, key: str) -> None:
+        """Removes the result of a finished task. A kill in between leaves it whole, or a leftover for `clean`."""
+        aside = temporary_path(self.work / stage)
+        self.result(stage, key).rename(aside)
+        shutil.rmtree(aside)
+
     def _set_aside(self, final: Path, usable: Callable[[Path], bool]) -> None:
         """Removes what lies under a key and is no whole result. It is looked at once more where nobody else can be:
 

@@ -107,6 +107,14 @@ class Packs:
         self._base = packs
         self._ahead_changed = True
 
+    def await_base(self, seconds: float) -> None:
+        """Waits until what is kept is on the GPU, but for what cannot be read, and not longer than `seconds`."""
+        missing = self._base[~self.cache.resident[self._base]].tolist()
+        if missing:
+            self._loader.wish(missing)
+            self._upload(self._loader.wait_for(missing, seconds))
+            self._ahead_changed = True
+
     def bytes_of(self, packs: NDArray[np.int64]) -> int:
         """Bytes that these packs take on the GPU."""
         return int(self._sizes[packs].sum())

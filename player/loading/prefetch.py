@@ -73,11 +73,11 @@ class Loader(Generic[Key, Value]):
         with self._changed:
             return self._take()
 
-    def wait_for(self, keys: Iterable[Key]) -> dict[Key, Value]:
+    def wait_for(self, keys: Iterable[Key], seconds: float | None = None) -> dict[Key, Value]:
         """Waits until all `keys`, which must have been wished, are loaded; returns everything loaded so far.
 
-        Does not wait for what has failed, nor for anything while the place is out of reach: `failures` says what is
-        missing and why.
+        seconds: waits no longer than so. Does not wait for what has failed, nor for anything while the place is out of
+        reach: `failures` says what is missing and why.
         """
         wanted = list(keys)
         with self._changed:
@@ -89,7 +89,8 @@ class Loader(Generic[Key, Value]):
                     self._fault is not None
                     or self._outage is not None
                     or all(key in self._done or key in self._failures for key in wanted)
-                )
+                ),
+                seconds,
             )
             return self._take()
 

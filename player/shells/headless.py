@@ -23,6 +23,9 @@ from player.strategies import FULL
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
 from storage.base.progress import Progress, Silent
 
+#: How long the first frame waits for the coarse picture that is always kept where frames do not wait, in seconds.
+BASE_TIME = 10.0
+
 
 @dataclass(frozen=True)
 class Screen:
@@ -92,6 +95,7 @@ def render(
         plain = replace(settings, strategy=FULL, wait=True, prefetch=False, cache_bytes=1 << 62)
         whole = Walkthrough(model, context, able, plain)
     try:
+        walk.packs.await_base(BASE_TIME)
         for index in range(len(path)):
             position, orientation = path.pose(index)
             near, far = near_and_far(model, position, able)
@@ -209,6 +213,8 @@ def totals(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "computed_frames": sum(row["computed"] for row in rows),
         "approximate_frames": sum(row["approximate"] for row in rows),
         "lacking_frames": sum(row["unreadable"] > 0 for row in rows),
+        "absent_frames": sum(row["absent"] > 0 for row in rows),
+        "most_absent": max(row["absent"] for row in rows),
         "troubles": list(dict.fromkeys(row["trouble"] for row in rows if row["trouble"])),
         "cells_entered": 1 + sum(a["cell"] != b["cell"] for a, b in pairwise(rows)),
         "bytes_fetched": rows[-1]["bytes_fetched"],

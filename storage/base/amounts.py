@@ -29,7 +29,11 @@ def parse_size(text: str) -> int:
 
 
 def format_size(size: int) -> str:
-    """An amount of bytes for people, in MiB or GiB, rounded up: as `parse_size` reads it."""
+    """An amount of bytes for people, in bytes, KiB, MiB or GiB, rounded up: as `parse_size` reads it."""
+    if size < 1 << 10:
+        return f"{size}B"
+    if size < 1 << 20:
+        return f"{math.ceil(size / (1 << 10))}KiB"
     if size < 1 << 30:
         return f"{math.ceil(size / (1 << 20))}MiB"
     return f"{math.ceil(size / (1 << 30) * 10) / 10:.1f}".removesuffix(".0") + "GiB"

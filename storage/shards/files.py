@@ -8,6 +8,9 @@ not. A server that falls silent is given up after a while, so no read lasts for 
 from __future__ import annotations
 
 import os
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -22,8 +25,14 @@ ATTEMPTS = 4
 #: added, so that many players do not come back at once.
 FIRST_PAUSE = 0.2
 
+#: The longest pause but for its random part, in seconds.
+LONGEST_PAUSE = 3.0
+
 #: No attempt begins later than this after the first one, in seconds.
 LAST_ATTEMPT = 30.0
+
+#: Whoever is patient hears of it when a request has failed so often.
+TOLD_AT = 2
 
 #: How long an HTTP server may take to accept a connection, in seconds.
 CONNECT_TIME = 10.0
@@ -33,6 +42,12 @@ SILENCE_TIME = 20.0
 
 #: Answers of HTTP servers that another attempt may change, besides all from 500 on: time-out, too early, too many.
 _LATER = (408, 425, 429)
+
+#: Answers of HTTP servers to who may not read.
+_FORBIDDEN = (401, 403, 407)
+
+#: What aiohttp says of every connection that fails, whether it was to be a secure one or not.
+_TLS_AS_EVER = " ssl:default"
 
 _NOT_THERE = (FileNotFoundError, NotADirectoryError, IsADirectoryError)
 
@@ -47,6 +62,7 @@ class Files:
     def __init__(self, url: str | os.PathLike[str]) -> None:
         self.url = os.fspath(url).rstrip("/") or "/"
         self.bytes_fetched = 0
+        self._tell: Callable[[str], None] | None = None
         self._lock = Lock()
         self._folder: Path | None = None
         self._system: Any = None
@@ -68,6 +84,18 @@ class Files:
                     f"{self.url} is no address that can be opened: {error}; give a path or a URL"
                 ) from error
 
+    @contextmanager
+    def patient(self, tell: Callable[[str], None]) -> Iterator[None]:
+        """While the block runs, what may pass is waited for until LAST_ATTEMPT, not for ATTEMPTS only.
+
+        For what nothing can stand in for. tell: hears, in one line, of every request that is waited for.
+        """
+        former, self._tell = self._tell, tell
+        try:
+            yield
+        finally:
+            self._tell = former
+
     def read(self, path: str, start: int = 0, end: int | None = None) -> bytes:
         """The bytes from start to end of a file; fewer where the file is shorter.
 
@@ -76,7 +104,8 @@ class Files:
         try:
             data = self._read_folder(path, start, end) if self._folder else self._read_system(path, start, end)
         except _NOT_THERE as error:
-            raise StoreNotFoundError(f"{self.url}/{path} does not exist") from error
+            state = "is a folder and no file" if isinstance(error, IsADirectoryError) else "is missing"
+            raise StoreNotFoundError(f"{self.url}/{path} {state}") from error
         except OSError as error:
             raise self._unreachable(path, error) from error
         with self._lock:
@@ -84,13 +113,13 @@ class Files:
         return data
 
     def size(self, path: str) -> int | None:
-        """Length of a file in bytes; None if it does not exist, or if its server does not say.
+        """Length of a file in bytes; None if there is no such file, or if its server does not say.
 
         Raises StoreUnreachableError if nothing can be learnt of it.
         """
         try:
-            size = (self._folder / path).stat().st_size if self._folder else self._ask("size", path)
-        except (FileNotFoundError, NotADirectoryError):
+            size = self._size_in_folder(path) if self._folder else self._ask("size", path)
+        except _NOT_THERE:
             return None
         except OSError as error:
             raise self._unreachable(path, error) from error
@@ -106,6 +135,11 @@ class Files:
             while len(data) < end - start and (more := file.read(end - start - len(data))):
                 data += more
             return data
+
+    def _size_in_folder(self, path: str) -> int | None:
+        assert self._folder is not None
+        found = (self._folder / path).stat()
+        return None if stat.S_ISDIR(found.st_mode) else found.st_size
 
     def _read_system(self, path: str, start: int, end: int | None) -> bytes:
         if end is None:
@@ -123,10 +157,19 @@ class Files:
         """What the file system answers, asked again where that may help. Raises OSError, whatever the system raises."""
         import tenacity
 
+        tell = self._tell
+
+        def say(attempt: tenacity.RetryCallState) -> None:
+            if tell is not None and attempt.attempt_number == TOLD_AT:
+                tell(f"{self.url}/{path} does not come: trying again for up to {LAST_ATTEMPT:g} seconds ...")
+
+        attempts = tenacity.stop_after_attempt(ATTEMPTS) if tell is None else tenacity.stop_never
+        pauses = tenacity.wait_exponential(multiplier=FIRST_PAUSE, max=LONGEST_PAUSE)
         asking = tenacity.Retrying(
             retry=tenacity.retry_if_exception(_may_pass),
-            stop=tenacity.stop_after_attempt(ATTEMPTS) | tenacity.stop_after_delay(LAST_ATTEMPT),
-            wait=tenacity.wait_exponential(multiplier=FIRST_PAUSE) + tenacity.wait_random(0, FIRST_PAUSE),
+            stop=tenacity.stop_any(attempts, tenacity.stop_after_delay(LAST_ATTEMPT)),
+            wait=pauses + tenacity.wait_random(0, FIRST_PAUSE),
+            before_sleep=say,
             reraise=True,
         )
         try:
@@ -137,7 +180,15 @@ class Files:
             raise OSError(str(error) or type(error).__name__) from error
 
     def _unreachable(self, path: str, error: OSError) -> StoreUnreachableError:
-        return StoreUnreachableError(f"{self.url}/{path} cannot be read: {str(error) or type(error).__name__}")
+        status = getattr(error.__cause__, "status", None)
+        if isinstance(error, PermissionError) or status in _FORBIDDEN:
+            cure = "see that you may read it"
+        elif self._folder:
+            cure = "see that its disk is there and sound"
+        else:
+            cure = "see that the address is right and its server runs"
+        said = str(error).replace(_TLS_AS_EVER, "") or type(error).__name__
+        return StoreUnreachableError(f"{self.url}/{path} cannot be read: {said}; {cure}")
 
 
 def _time_limits(url: str) -> dict[str, Any]:

@@ -108,10 +108,9 @@ def from_bytes(data: bytes, place: str, file: str = FILE) -> Manifest:
     if not as_written:
         raise CorruptStoreError(f"{damaged}: it does not match its checksum; {CURE}", file)
     if number != FORMAT:
-        raise StoreFormatError(
-            f"{place} is of format {number}, this vLOD reads format {FORMAT}; rebuild the "
-            "store, in another place or after it is removed"
-        )
+        later = isinstance(number, int) and number > FORMAT
+        cure = "read it with a later one" if later else "rebuild the store, in another place or after it is removed"
+        raise StoreFormatError(f"{place} is of format {number}, this vLOD reads format {FORMAT}; {cure}")
     try:
         others = {name: content[name] for name in content.keys() - set(_OWN)}
         own = {name: content[name] for name in content.keys() & set(_OWN)}

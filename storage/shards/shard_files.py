@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from storage.base.errors import CorruptStoreError, StoreNotFoundError
+from storage.base.errors import CURE, CorruptStoreError, StoreNotFoundError
 from storage.shards.cache import ByteCache
 from storage.shards.files import Files
 from storage.shards.shards import ShardReader, ShardRecord, shard_path
@@ -39,11 +39,9 @@ class ShardFiles:
             try:
                 return self.files.read(path, start, end)
             except StoreNotFoundError as error:
-                raise CorruptStoreError(
-                    f"{self.files.url}/{path} is missing; copy it again or run the build again", path
-                ) from error
+                raise CorruptStoreError(f"{error}; {CURE}", path) from error
 
-        return ShardReader(record, read, self._cache)
+        return ShardReader(record, read, self._cache, self.files.url)
 
     def of_each(self, records: Iterable[ShardRecord], read: Callable[[ShardReader], Value]) -> list[Value]:
         """What `read` gives of each shard, in the order of `records`; AT_ONCE of them are read at a time."""

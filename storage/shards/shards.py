@@ -172,11 +172,15 @@ class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
-    long as it likes. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
+    long as it likes; store: path or URL of the store, for errors. Every method raises CorruptStoreError, which names
+    the shard, when bytes are missing or changed.
     """
 
-    def __init__(self, record: ShardRecord, read: Callable[[int, int], bytes], cache: ByteCache[Any]) -> None:
+    def __init__(
+        self, record: ShardRecord, read: Callable[[int, int], bytes], cache: ByteCache[Any], store: str
+    ) -> None:
         self.record = record
+        self._store = store
         self._read = read
         self._cache = cache
 
@@ -232,7 +236,10 @@ class ShardReader:
             raise self.corrupt(f"frame {number}: {error}") from error
 
     def problems(self) -> Iterator[str]:
-        """Reads the whole shard and says what is wrong with it, if anything: every byte is covered."""
+        """Reads the whole shard and says what is wrong with it, if anything: every byte is covered.
+
+        Names the frames that are damaged; where none is, what is wrong with the shard as a whole.
+        """
         try:
             content = self._range(0, self.record.bytes)
         except CorruptStoreError as error:
@@ -241,18 +248,21 @@ class ShardReader:
         digest = hashlib.sha256(content).hexdigest()[:32]
         if digest == self.record.name:
             return
-        yield str(self.corrupt(f"its content hashes to {digest}"))
-        whole = ShardReader(self.record, lambda start, end: content[start:end], ByteCache(0))
+        whole = ShardReader(self.record, lambda start, end: content[start:end], ByteCache(0), self._store)
         try:
             frames = whole.index
         except CorruptStoreError as error:
             yield str(error)
             return
+        named = False
         for number, kind in enumerate(frames["kind"].tolist()):
             try:
                 whole.frame(number, kind)
             except CorruptStoreError as error:
+                named = True
                 yield str(error)
+        if not named:
+            yield str(self.corrupt(f"its content hashes to {digest}"))
 
     def _range(self, start: int, end: int) -> bytes:
         data = self._read(start, end)
@@ -263,7 +273,7 @@ class ShardReader:
     def corrupt(self, what: str) -> CorruptStoreError:
         """The error that says what is wrong with this shard."""
         path = shard_path(self.record.name)
-        return CorruptStoreError(f"{path} is damaged: {what}; {CURE}", path)
+        return CorruptStoreError(f"{self._store}/{path} is damaged: {what}; {CURE}", path)
 
 
 def checksum(payload: bytes) -> int:

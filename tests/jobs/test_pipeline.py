@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -24,8 +25,8 @@ from storage.base.errors import (
     ModelError,
     ParameterError,
     StoreFormatError,
-    StoreNotFoundError,
 )
+from storage.base.progress import Silent
 from storage.shards.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 
@@ -278,11 +279,30 @@ def test_parameters_out_of_range(wrong):
         BuildParameters(**wrong)
 
 
-def test_a_region_outside_the_view_space(model, tmp_path):
+def test_a_region_outside_the_view_space_is_told_after_the_import_and_leaves_nothing(model, tmp_path):
+    class Heard(Silent):
+        said: ClassVar[list[str]] = []
+
+        def start(self, step):
+            self.said.append(step)
+
+    outside = BuildParameters(region=(99, 99, 99, 100, 100, 100), view_box=(-1, -2, -3, 4, 5, 6))
+    with pytest.raises(ParameterError, match=r"region .* which is \[-1\.0, -2\.0, -3\.0, 4\.0, 5\.0, 6\.0\]: choose"):
+        build([model], tmp_path / "s", outside, SerialExecutor(), Heard())
+    assert Heard.said == ["import"]
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_refused_region_leaves_a_former_build_as_it_was(built, model):
+    store, _ = built
+
+    def files():
+        return {path: path.stat().st_mtime_ns for path in store.rglob("*") if path.is_file()}
+
+    before = files()
     with pytest.raises(ParameterError, match="region"):
-        build([model], tmp_path / "s", BuildParameters(region=(99, 99, 99, 100, 100, 100)), SerialExecutor())
-    with pytest.raises(StoreNotFoundError):
-        open_store(tmp_path / "s")
+        build([model], store, dataclasses.replace(PARAMETERS, region=(99, 99, 99, 100, 100, 100)), SerialExecutor())
+    assert files() == before
 
 
 def test_inputs_that_are_no_models(tmp_path):

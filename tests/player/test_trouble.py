@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,11 +18,15 @@ from player import commands
 from player.camera.path import CameraPath, write_path
 from player.camera.view import View
 from player.loading import prefetch
+from player.loading.packs import Packs, PreparedPack
 from player.renderer.context import abilities
 from player.renderer.targets.target import Target
+from player.shells import headless
 from player.shells.headless import play
 from player.shown_model import ShownModel, shown_model
+from player.tour import survey
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
+from storage.base.errors import StoreError, StoreNotFoundError
 from storage.shards import files
 from storage.shards.shards import FRAME, TAIL_BYTES, shard_path
 from storage.store import Store, open_store
@@ -260,6 +266,111 @@ def test_the_command_says_what_lacks_and_fails(damaged: tuple[Path, str], tmp_pa
     arguments = [str(folder), "--headless", "--json", "--path", str(tmp_path / "p.json"), "--size", "64x36"]
     done = CliRunner().invoke(commands.play, [*arguments, "--strategy", "none"])
     assert done.exit_code == 1
-    assert f"3 frames lack what cannot be read: {name}" in done.stderr.replace(str(folder), "")
+    assert f"3 frames lack what cannot be read: {folder}/{name}" in done.stderr
     done = CliRunner().invoke(commands.play, [*arguments, "--strategy", "none", "--no-wait"])
     assert done.exit_code == 0
+
+
+def _mended_after(server: UnsteadyServer, seconds: float) -> None:
+    """The server fails, and is well again after so long."""
+    server.become("fails")
+    threading.Timer(seconds, server.become, ["well"]).start()
+
+
+@pytest.mark.parametrize("when", ["opening", "touring"])
+def test_a_short_outage_before_the_first_frame_is_told_and_waited_for(
+    server: UnsteadyServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, when: str
+) -> None:
+    arguments = [server.url, "--headless", "--json", "--no-wait", "--tour-frames", "2", "--size", "64x36"]
+    if when == "opening":
+        _mended_after(server, 0.7)
+    else:
+        real = survey.survey
+
+        def surveyed(model: ShownModel) -> survey.Survey:
+            _mended_after(server, 0.7)
+            return real(model)
+
+        monkeypatch.setattr(survey, "survey", surveyed)
+    done = CliRunner().invoke(commands.play, arguments)
+    assert (done.exit_code, done.exception) == (0, None)
+    assert server.refused > files.ATTEMPTS
+    assert f"{server.url}/{'manifest.json' if when == 'opening' else 'shards/'}" in done.stderr
+    assert "does not come: trying again for up to 30 seconds ..." in done.stderr
+
+
+def test_an_outage_that_lasts_ends_with_what_helps(server: UnsteadyServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "LAST_ATTEMPT", 0.3)
+    real = survey.survey
+
+    def surveyed(model: ShownModel) -> survey.Survey:
+        server.become("fails")
+        return real(model)
+
+    monkeypatch.setattr(survey, "survey", surveyed)
+    arguments = [server.url, "--headless", "--json", "--size", "64x36"]
+    done = CliRunner().invoke(commands.play, arguments)
+    assert isinstance(done.exception, StoreError)
+    assert str(done.exception).endswith("its server runs, or give a --path")
+    done = CliRunner().invoke(commands.play, arguments)  # fails on opening: no path helps
+    assert isinstance(done.exception, StoreError)
+    assert str(done.exception).endswith("its server runs")
+
+
+def test_what_will_not_pass_is_not_waited_for_however_patient(tmp_path: Path) -> None:
+    told: list[str] = []
+    began = time.monotonic()
+    with pytest.raises(StoreNotFoundError):
+        open_store(tmp_path, tell=told.append)
+    assert time.monotonic() - began < 5
+    assert told == []
+
+
+@pytest.fixture
+def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Packs take a while to load."""
+    real = Packs._load
+
+    def load(packs: Packs, number: int) -> PreparedPack:
+        time.sleep(0.05)
+        return real(packs, number)
+
+    monkeypatch.setattr(Packs, "_load", load)
+
+
+@pytest.mark.usefixtures("_slow")
+def test_frames_that_do_not_wait_have_the_coarse_picture_from_the_first_on(rooms: Store) -> None:
+    content = play(shown_model(open_store(store_path(rooms))), walk_along(4), SCREEN, Settings(wait=False)).content
+    assert [row["absent"] for row in content["frames"]] == [0] * 4
+    assert content["frames"][0]["triangles"] > 0
+    assert content["totals"]["absent_frames"] == content["totals"]["most_absent"] == 0
+
+
+@pytest.mark.usefixtures("_slow")
+def test_frames_without_what_had_not_arrived_are_counted_and_told(
+    rooms: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(headless, "BASE_TIME", 0.0)
+    write_path(tmp_path / "p.json", walk_along(3))
+    arguments = [store_path(rooms), "--headless", "--json", "--path", str(tmp_path / "p.json"), "--size", "64x36"]
+    done = CliRunner().invoke(commands.play, [*map(str, arguments), "--no-wait", "--report", str(tmp_path / "r.json")])
+    assert done.exit_code == 0
+    content = json.loads((tmp_path / "r.json").read_text())
+    absent = [row["absent"] for row in content["frames"]]
+    frames, most = content["totals"]["absent_frames"], content["totals"]["most_absent"]
+    assert (frames, most) == (sum(n > 0 for n in absent), max(absent))
+    assert frames > 0
+    assert f"{frames} of 3 frames lack up to {most} nodes that had not arrived" in done.stderr
+
+
+def test_a_silent_server_does_not_hold_the_first_frame_up_for_long(
+    server: UnsteadyServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(headless, "BASE_TIME", 0.1)
+    model = shown_model(open_store(server.url))
+    server.become("silent")
+    began = time.monotonic()
+    totals = play(model, walk_along(2), SCREEN, Settings(wait=False)).content["totals"]
+    assert time.monotonic() - began < 10
+    assert totals["absent_frames"] == 2
+    server.become("well")

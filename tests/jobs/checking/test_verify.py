@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from jobs.checking.report import MOST_SPELLED, Problems, VerifyReport
 from jobs.checking.verify import verify
+from storage.base.errors import CURE, StoreUnreachableError
 from storage.base.progress import Silent
 from storage.cells.deltas import Delta, difference
 from storage.geometry_reader import Geometry
@@ -152,7 +153,7 @@ def test_the_findings_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> 
     alone, shared = (verify(str(tmp_path / "store"), samples=100, cells=8, workers=count) for count in (1, 2))
     assert alone.missed > 0
     assert alone.boundaries > 0
-    assert alone.problems[0].startswith("shards/")
+    assert alone.problems[0].startswith(f"{tmp_path}/store/shards/")
     assert findings(alone) == findings(shared)
 
 
@@ -172,7 +173,7 @@ def test_what_lies_in_a_damaged_cell_shard_is_left_out_and_the_rest_is_checked(t
     victim = damage(store, "cells", 1)
     report = verify(str(tmp_path / "store"), samples=50, cells=64)
     assert report.problems
-    assert all(line.startswith(f"{victim} is damaged") for line in report.problems)
+    assert all(line.startswith(f"{tmp_path}/store/{victim} is damaged: frame ") for line in report.problems)
     assert report.unreadable == 16
     others = [*range(16), *range(32, 64)]
     assert [cell.cell for cell in report.sampled] == others
@@ -185,10 +186,12 @@ def test_cells_whose_geometry_is_damaged_are_named(tmp_path: Path) -> None:
     store = make_store(tmp_path / "store", room_parts(), depth=1)
     victim = damage(store, "geometry", 0)
     report = verify(str(tmp_path / "store"), samples=50, cells=8)
-    assert report.problems[0].startswith(f"{victim} is damaged")
+    assert report.problems[0].startswith(f"{tmp_path}/store/{victim} is damaged: frame ")
     assert report.boundaries == 12
     assert report.deltas.count == 0
-    assert any(line.startswith(f"no rays can be cast from cell 0: {victim} is damaged") for line in report.problems)
+    assert any(
+        f"no rays can be cast from cell 0: {tmp_path}/store/{victim} is damaged" in line for line in report.problems
+    )
 
 
 def test_a_store_whose_tables_are_damaged_still_has_its_shards_checked(tmp_path: Path) -> None:
@@ -197,7 +200,9 @@ def test_a_store_whose_tables_are_damaged_still_has_its_shards_checked(tmp_path:
     report = verify(str(tmp_path / "store"), samples=50, cells=8)
     assert report.cells == 8
     assert report.boundaries == 0
-    assert {line.split(" is damaged")[0] for line in report.problems} == set(victims)
+    assert [line.split(" is damaged")[0] for line in report.problems] == [
+        f"{tmp_path}/store/{victim}" for victim in victims
+    ]
 
 
 def test_a_missing_shard_is_named(tmp_path: Path) -> None:
@@ -207,7 +212,68 @@ def test_a_missing_shard_is_named(tmp_path: Path) -> None:
     report = verify(str(tmp_path / "store"), samples=0, cells=8)
     assert len(report.problems) == 1
     assert victim.name in report.problems[0]
-    assert "is missing; copy it again" in report.problems[0]
+    assert f"is missing; {CURE}" in report.problems[0]
+
+
+def test_a_folder_in_a_shards_place_is_called_one(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=2)
+    victim = tmp_path / "store" / damage(store, "cells", 3)
+    victim.unlink()
+    victim.mkdir()
+    report = verify(str(tmp_path / "store"), samples=0, cells=8)
+    assert report.problems == [f"{victim} is a folder and no file; {CURE}"]
+
+
+@pytest.mark.parametrize("purpose", ["tables", "geometry", "cell table", "cells"])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_shard_that_cannot_be_read_is_a_problem_and_the_rest_is_checked(
+    tmp_path: Path, purpose: str, workers: int
+) -> None:
+    store = make_store(tmp_path / "store", room_parts(), depth=2, cells_per_shard=16)
+    records = [record for what, record in store.manifest.shards() if what == purpose]
+    victim = tmp_path / "store" / shard_path(records[0].name)
+    victim.unlink()
+    victim.symlink_to(victim.name)  # no rights keep the administrator out, but nobody reads a link to itself
+    damaged = damage(store, "cells", 2)
+    report = verify(str(tmp_path / "store"), samples=50, cells=64, workers=workers)
+    assert sum(line.startswith(f"{victim} cannot be read: ") for line in report.problems) == 1
+    assert any(line.startswith(f"{tmp_path}/store/{damaged} is damaged") for line in report.problems)
+    assert len(report.sampled) == (32 if purpose == "cells" else 0)
+    assert (report.boundaries > 0) == (purpose in ("geometry", "cells"))
+
+
+def test_what_cannot_be_read_for_a_moment_is_a_problem_of_that_cell_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_store(tmp_path / "store", room_parts(), depth=1)
+    whole = verify(str(tmp_path / "store"), samples=50, cells=8)
+    real = Store.vlod
+    asked: list[int] = []
+
+    def vlod(store: Store, cell: int) -> np.ndarray:
+        asked.append(cell)
+        if cell == 3 and asked.count(3) in (1, 2, 3):
+            raise StoreUnreachableError("nobody answers")
+        return real(store, cell)
+
+    monkeypatch.setattr(Store, "vlod", vlod)
+    report = verify(str(tmp_path / "store"), samples=50, cells=8, workers=1)
+    assert asked.count(3) > 3
+    assert report.problems == ["nobody answers"]
+    assert 0 < report.boundaries < whole.boundaries
+    assert [cell.cell for cell in report.sampled] == list(range(8))
+
+
+def test_one_problem_is_one(tmp_path: Path) -> None:
+    class Heard(Silent):
+        said: ClassVar[list[str]] = []
+
+        def finish(self, note: str) -> None:
+            self.said.append(note)
+
+    damage(make_store(tmp_path / "store", room_parts(), depth=1), "cells", 0)
+    verify(str(tmp_path / "store"), samples=0, progress=Heard())
+    assert Heard.said[0].endswith(" MB, 1 problem")
 
 
 @pytest.mark.parametrize("change", ["drops too much", "drops too little", "adds what is there"])

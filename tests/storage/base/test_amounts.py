@@ -38,3 +38,11 @@ def test_what_is_no_size_is_refused(text):
 @given(st.integers(1, 1 << 50))
 def test_a_size_that_is_named_suffices_and_is_not_far_off(size):
     assert size <= parse_size(format_size(size)) <= 1.1 * size + (1 << 20)
+
+
+@pytest.mark.parametrize(
+    ("size", "named"),
+    [(1, "1B"), (1023, "1023B"), (1024, "1KiB"), (1025, "2KiB"), (1 << 20, "1MiB"), ((1 << 20) + 1, "2MiB")],
+)
+def test_small_sizes_are_not_blown_up(size, named):
+    assert format_size(size) == named

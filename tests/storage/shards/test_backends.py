@@ -198,8 +198,12 @@ def test_a_cell_of_a_large_shard_takes_a_request_for_each_frame_on_the_way(tmp_p
 
 
 def test_a_server_that_is_not_there() -> None:
-    with pytest.raises(StoreUnreachableError, match=r"http://127.0.0.1:9/none/manifest.json cannot be read"):
+    with pytest.raises(
+        StoreUnreachableError,
+        match=r"^http://127.0.0.1:9/none/manifest.json cannot be read: .* 127.0.0.1:9 \[.*; see that the address",
+    ) as caught:
         open_store("http://127.0.0.1:9/none")
+    assert "ssl" not in str(caught.value)
 
 
 class _Refusing(_Ranges):
@@ -234,13 +238,19 @@ def test_what_a_busy_server_refuses_is_asked_again(original: Store, refusing: ty
     assert list(serving) == []
 
 
-@pytest.mark.parametrize(("status", "expected"), [(404, StoreNotFoundError), (403, StoreUnreachableError)])
+@pytest.mark.parametrize(
+    ("status", "expected", "said"),
+    [
+        (404, StoreNotFoundError, r"manifest\.json is missing$"),
+        (403, StoreUnreachableError, r"manifest\.json cannot be read: 403, .*; see that you may read it$"),
+    ],
+)
 def test_what_is_not_there_or_not_allowed_is_asked_once(
-    original: Store, refusing: type[_Refusing], status: int, expected: type[Exception]
+    original: Store, refusing: type[_Refusing], status: int, expected: type[Exception], said: str
 ) -> None:
     refusing.status, refusing.refusals = status, 9
     serving = _served(Path(original.files.url), refusing)
-    with pytest.raises(expected, match=r"manifest\.json"):
+    with pytest.raises(expected, match=said):
         files.Files(next(serving)).read("manifest.json")
     assert refusing.requests == 1
     assert list(serving) == []
@@ -300,8 +310,19 @@ def test_a_store_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.Monkey
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "open", refuse)
-    with pytest.raises(StoreUnreachableError, match=r"cannot be read: .*Permission denied"):
+    with pytest.raises(StoreUnreachableError, match=r"cannot be read: .*Permission denied.*; see that you may"):
         open_store(tmp_path)
+
+
+def test_a_disk_that_fails_and_a_folder_for_a_file(tmp_path: Path) -> None:
+    (tmp_path / "itself").symlink_to("itself")
+    (tmp_path / "folder").mkdir()
+    place = files.Files(tmp_path)
+    with pytest.raises(StoreUnreachableError, match=r"itself cannot be read: .*; see that its disk is there"):
+        place.read("itself")
+    with pytest.raises(StoreNotFoundError, match=f"^{tmp_path}/folder is a folder and no file$"):
+        place.read("folder")
+    assert place.size("folder") is None
 
 
 def test_a_file_is_no_store(tmp_path: Path) -> None:

@@ -122,8 +122,12 @@ def test_what_is_no_manifest(data: bytes) -> None:
 
 
 def test_another_format_is_named() -> None:
-    with pytest.raises(StoreFormatError, match=f"is of format {FORMAT + 1}, this vLOD reads format {FORMAT}"):
-        from_bytes(to_bytes(_manifest(format=FORMAT + 1)), "here")
+    for number, cure in ((FORMAT + 1, "read it with a later one"), (FORMAT - 1, "rebuild the store, in another place")):
+        with pytest.raises(
+            StoreFormatError, match=f"is of format {number}, this vLOD reads format {FORMAT}; {cure}"
+        ) as caught:
+            from_bytes(to_bytes(_manifest(format=number)), "here")
+        assert ("rebuild" in str(caught.value)) == (number < FORMAT)
 
 
 def test_senseless_manifests_cannot_be_made() -> None:

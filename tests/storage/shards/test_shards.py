@@ -10,6 +10,7 @@ from storage.base.errors import CorruptStoreError
 from storage.shards.cache import ByteCache
 from storage.shards.shards import (
     FRAME,
+    MAGIC,
     TAIL_READ,
     Kind,
     ShardReader,
@@ -23,7 +24,7 @@ FRAMES = [(Kind.GEOMETRY, b"hello"), (Kind.TABLE, b""), (Kind.DELTAS, bytes(rang
 
 
 def _reader(content: bytes, record: ShardRecord) -> ShardReader:
-    return ShardReader(record, lambda start, end: content[start:end], ByteCache(1 << 20))
+    return ShardReader(record, lambda start, end: content[start:end], ByteCache(1 << 20), "here")
 
 
 def _read(root: Path, record: ShardRecord) -> ShardReader:
@@ -59,7 +60,7 @@ def test_one_frame_is_one_request_after_the_index(tmp_path: Path) -> None:
         asked.append(end - start)
         return content[start:end]
 
-    reader = ShardReader(record, read, ByteCache(1 << 20))
+    reader = ShardReader(record, read, ByteCache(1 << 20), "here")
     reader.frame(2, Kind.GEOMETRY)
     reader.frame(1, Kind.GEOMETRY)
     assert asked == [TAIL_READ, 50_000, 50_000]
@@ -74,7 +75,7 @@ def test_a_small_shard_is_one_request(tmp_path: Path) -> None:
         asked.append(end - start)
         return content[start:end]
 
-    reader = ShardReader(record, read, ByteCache(1 << 20))
+    reader = ShardReader(record, read, ByteCache(1 << 20), "here")
     assert [reader.frame(i, kind) for i, (kind, _) in enumerate(FRAMES)] == [payload for _, payload in FRAMES]
     assert asked == [record.bytes]
 
@@ -110,6 +111,16 @@ def test_every_changed_byte_is_found_on_checking_and_no_wrong_frame_is_read(
         except CorruptStoreError:
             continue
         assert found == payload
+
+
+def test_a_changed_byte_is_told_once_by_its_frame_where_it_has_one(tmp_path: Path) -> None:
+    record = write_shard(tmp_path, FRAMES)
+    content = (tmp_path / "shards" / record.name).read_bytes()
+    for at, what in ((len(MAGIC), "frame 0 does not match"), (0, "its content hashes to")):
+        changed = bytearray(content)
+        changed[at] ^= 1
+        (problem,) = _reader(bytes(changed), record).problems()
+        assert problem.startswith(f"here/shards/{record.name} is damaged: {what}")
 
 
 @given(st.integers(0, 900))

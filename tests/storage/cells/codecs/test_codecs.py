@@ -117,6 +117,6 @@ def test_a_block_that_cannot_be_decoded_is_named_with_its_file(tmp_path: Path, w
     assert store.manifest.cells is not None
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(type(CODEC), "decode", lambda *_: (_ for _ in ()).throw(CorruptStoreError("no sense in it")))
-        with pytest.raises(CorruptStoreError, match=r"^shards/\w+ is damaged: frame \d+: no sense in it") as caught:
+        with pytest.raises(CorruptStoreError, match=r"/shards/\w+ is damaged: frame \d+: no sense in it") as caught:
             open_store(tmp_path).vlod(0)
     assert caught.value.file == f"shards/{store.manifest.cells.shards[0].name}"

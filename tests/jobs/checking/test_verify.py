@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jobs.checking.report import MOST_SPELLED, Problems, VerifyReport
+from jobs.checking.findings import MOST_SPELLED, Problems, VerifyReport
 from jobs.checking.verify import verify
 from storage.base.progress import Silent
 from storage.cells.deltas import Delta, difference

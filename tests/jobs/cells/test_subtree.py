@@ -12,11 +12,10 @@ from jobs.cells.cuts import Leaves
 from jobs.cells.needs import triangles_needed
 from jobs.cells.parameters import CellParameters
 from jobs.cells.subtree import compute_subtree
-from jobs.options.visibility import QUALITY_NAMES
 from jobs.parameters import BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
-from jobs.visibility.engine import QUALITIES, EngineSettings
+from jobs.visibility.settings import QUALITIES, EngineSettings
 from storage import open_store
 from storage.base.typed_json import from_json, to_json
 from storage.cells import octree
@@ -94,8 +93,7 @@ def test_a_task_needs_no_more_than_was_foretold(geometry, monkeypatch, bound):
     assert any(len(parts) > 1 for parts in held) == ("max_triangles" in bound)
 
 
-def test_qualities_are_the_names_that_parameters_know():
-    assert tuple(QUALITIES) == QUALITY_NAMES
+def test_the_usual_quality_is_the_engines_usual_settings():
     assert QUALITIES["normal"] == EngineSettings()
     assert BuildParameters().quality == "normal"
 

@@ -27,8 +27,8 @@ from jobs.running.memory import TASK_MEMORY, MemoryWatch
 from jobs.running.run import Run
 from jobs.running.workplace import Workplace
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
-from jobs.stages.common.build_state import BuildState, StageFile
-from jobs.stages.common.written_geometry import geometry_section_of
+from jobs.stages.support.build_state import BuildState, StageFile
+from jobs.stages.support.written_geometry import geometry_section_of
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
 from storage.base.typed_json import from_json

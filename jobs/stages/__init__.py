@@ -3,7 +3,7 @@ with the memory that they may need, and its work, which runs in worker processes
 
 Read in this order, in which `jobs.pipeline` lists them:
 
-    common/        what stages share
+    support/       what stages stand on: what the build has so far, keys, levels and geometry as written
     import_model   model files to parts
     pieces         parts to pieces, no larger than objects may be
     hierarchy      pieces to objects, and the trees above them

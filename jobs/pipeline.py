@@ -36,7 +36,7 @@ from storage.shards.manifest import Manifest, commit, current
 from storage.shards.sections import ModelSection
 from storage.vlod_writer import cells_section
 
-#: The stages of a build in their order. Another one is a file in `jobs.stages` and a line here.
+#: The stages of a build in their order. Another one is a file in `jobs.stages`, imported above and named here.
 STAGES: tuple[StageFile, ...] = (
     import_model,
     pieces,

@@ -16,5 +16,6 @@ Read in this order, in which `jobs.pipeline` lists them:
 
 A work is a `jobs.running.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's
 shards, and returns a small record. Stages name each other as modules, for their tasks; what reads another's result is
-imported by its name, and counts as the reader's own code.
+imported by its name, and counts as the reader's own code. What a stage's keys hash, its `code`, stands in
+`support.code` where stages share it; that of a new stage may stand in its own file.
 """

@@ -65,8 +65,12 @@ if [ ! -f .venv/vlod-compiled ] || [ "$(cat .venv/vlod-compiled)" != "$wanted $c
     trap 'rm -rf "$scratch"' EXIT
     for command in \
         "demo-scene offices $scratch/a.glb --triangles 20000" \
-        "build $scratch/a.glb $scratch/a.store --executor serial --max-depth 2" \
-        "verify $scratch/a.store --cells 1 --samples 10"; do
+        "demo-scene plant $scratch/b.glb --triangles 20000" \
+        "build $scratch/a.glb $scratch/a.store --executor serial --max-depth 2 --triangles-per-cell 2000" \
+        "build $scratch/b.glb $scratch/b.store --executor serial --max-depth 2 --triangles-per-cell 2000" \
+        "build $scratch/b.glb $scratch/b.store --executor serial --max-depth 1 --sampled" \
+        "verify $scratch/a.store --cells 1 --samples 10" \
+        "path $scratch/a.store --output $scratch/path.json"; do
         .venv/bin/vlod $command >"$scratch/log" 2>&1 || {
             cat "$scratch/log" >&2
             fail "vlod $command failed"

@@ -13,23 +13,15 @@ from typing import Any
 
 import click
 
-from jobs.options import model_files, objects, running, screen, splitting, stored, view_space, visibility
+from jobs.options import objects, running
+from jobs.options.groups import SECTIONS
 from jobs.options.sections import SectionedCommand
 from jobs.scenes.kinds import KINDS
 
 
 @click.command(
     cls=SectionedCommand,
-    sections=(
-        view_space.SECTION,
-        splitting.SECTION,
-        visibility.SECTION,
-        screen.SECTION,
-        objects.SECTION,
-        model_files.SECTION,
-        stored.SECTION,
-        running.SECTION,
-    ),
+    sections=(*SECTIONS, running.SECTION),
     epilog="Example: vlod build ship.glb ship.store --pixel-error 1 --triangles-per-cell 100000",
     no_args_is_help=True,
 )

@@ -10,45 +10,18 @@ from typing import Any
 import numpy as np
 
 from jobs.cells.parameters import CellParameters, Visibility
-from jobs.options.model_files import ModelFileParameters
-from jobs.options.objects import ObjectParameters
-from jobs.options.screen import ScreenParameters
-from jobs.options.splitting import SplittingParameters
-from jobs.options.stored import StoredParameters
-from jobs.options.view_space import Box, ViewSpaceParameters
-from jobs.options.visibility import VisibilityParameters
+from jobs.options.groups import GroupedParameters
+from jobs.options.view_space import Box
 from storage.base.errors import ParameterError
 from storage.cells.octree import MAX_DEPTH, Octree
 
 #: How much the view space exceeds the model's box on every side by default, as a fraction of the box.
 VIEW_MARGIN = 0.02
 
-GROUPS = (
-    ViewSpaceParameters,
-    SplittingParameters,
-    VisibilityParameters,
-    ScreenParameters,
-    ObjectParameters,
-    ModelFileParameters,
-    StoredParameters,
-)
-
 
 @dataclass(frozen=True)
-class BuildParameters(
-    ViewSpaceParameters,
-    SplittingParameters,
-    VisibilityParameters,
-    ScreenParameters,
-    ObjectParameters,
-    ModelFileParameters,
-    StoredParameters,
-):
+class BuildParameters(GroupedParameters):
     """Parameters of a build. Lengths are in model units: the coordinates of the (first) input file."""
-
-    def __post_init__(self) -> None:
-        for group in GROUPS:
-            group.check(self)
 
     def cells(self, space: ViewSpace) -> CellParameters:
         """Which cells there are in a view space, and what they hold. Raises ParameterError."""

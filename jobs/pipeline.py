@@ -28,8 +28,8 @@ from jobs.running.run import Run
 from jobs.running.tasks import TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
-from jobs.stages.common.build_state import BuildState, StageFile
-from jobs.stages.common.written_geometry import geometry_section_of
+from jobs.stages.support.build_state import BuildState, StageFile
+from jobs.stages.support.written_geometry import geometry_section_of
 from storage.base.errors import ParameterError
 from storage.base.progress import Progress, Silent
 from storage.base.typed_json import from_json
@@ -37,7 +37,7 @@ from storage.shards.manifest import Manifest, commit, current
 from storage.shards.sections import ModelSection
 from storage.vlod_writer import cells_section
 
-#: The stages of a build in their order. Another one is a file in `jobs.stages` and a line here.
+#: The stages of a build in their order. Another one is a file in `jobs.stages`, imported above and named here.
 STAGES: tuple[StageFile, ...] = (
     import_model,
     pieces,

@@ -2,7 +2,7 @@
 
 Read in this order:
     model/             what a store holds of a model: its tables, its hierarchy, and cuts through it
-    cells/             view cells: the octree that they lie in, the changes between neighbours, the codes of these
+    cells/             view cells: the octree that they lie in, the changes between neighbours, the codecs of these
     meshes/            packs of meshes, their place in model space, and their facets
     shards/            files: immutable shards of checksummed frames, and the manifest that names them
     geometry_reader    reading geometry

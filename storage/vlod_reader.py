@@ -30,7 +30,7 @@ class VlodReader:
     """The vLODs of a store's cells and the changes between them. Safe to use from several threads.
 
     shards: in the order of their cells; cache: keeps what was decoded.
-    Raises StoreFormatError if one of the shards is in a code that is not known here. The methods raise
+    Raises StoreFormatError if one of the shards is in a codec that is not known here. The methods raise
     CorruptStoreError where bytes are missing or changed, StoreUnreachableError where they cannot be read.
     """
 

@@ -45,7 +45,7 @@ def write_cell_shard(
 
     cells: CELL (n,), the store's cells number `first` to `first + n - 1`; sets: their vLODs, strictly increasing ids
     each, empty where nothing was computed; boundaries: (a, b, vLOD of a, vLOD of b) for all computed cells a < b of
-    the store that share a face, where a lies in this shard; in any order; codec: the name of the code that sets and
+    the store that share a face, where a lies in this shard; in any order; codec: the name of the codec that sets and
     changes are written in. A cell's vLOD is its key set or a chain of at most LONGEST_CHAIN deltas from one. Raises
     ValueError for what does not fit together.
     """
@@ -60,7 +60,7 @@ def write_cell_shard(
     for a, b, _, _ in boundaries:
         if not first <= a < min(b, first + len(rows)):
             raise ValueError(f"the boundary of cells {a} and {b} does not belong into this shard")
-    code = codec_named(codec)
+    encoder = codec_named(codec)
     faces = sorted(boundaries, key=lambda face: (face[0], face[1]))
     links = np.zeros(len(rows), CELL_LINK)
     table = np.zeros(len(faces), BOUNDARY)
@@ -74,7 +74,7 @@ def write_cell_shard(
     lead = 3  # frames before these: the cells, the links, the boundaries
     for cell in np.flatnonzero((parents < 0) & computed).tolist():
         links[cell]["frame"] = lead + len(payloads)
-        payloads.append((Kind.KEY_SET, code.encode([np.asarray(sets[cell], np.uint32)])))
+        payloads.append((Kind.KEY_SET, encoder.encode([np.asarray(sets[cell], np.uint32)])))
 
     block: list[Ids] = []
     held = 0
@@ -83,8 +83,8 @@ def write_cell_shard(
         table[number] = (a - first, b, lead + len(payloads), len(block) // 2)
         block.extend(delta)
         held += len(delta.added) + len(delta.dropped)
-        if held >= code.block_ids or number == len(faces) - 1:
-            payloads.append((Kind.DELTAS, code.encode(block)))
+        if held >= encoder.block_ids or number == len(faces) - 1:
+            payloads.append((Kind.DELTAS, encoder.encode(block)))
             block, held = [], 0
         below, above = a - first, b - first
         if above < len(rows):

@@ -81,7 +81,7 @@ def test_keys_of_tasks_know_all_code_that_decides_a_result():
     Stages' files name each other as modules, for their tasks; what reads a result of another is imported by its name.
     """
     from jobs.pipeline import STAGES
-    from jobs.stages.common import code
+    from jobs.stages.support import code
 
     def within(module, names):
         return any(module == name or module.startswith(f"{name}.") for name in names)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from jobs.visibility.engine import EngineSettings
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.surfaces.soup import Soup, build_soup
 from storage.geometry_reader import Geometry
 

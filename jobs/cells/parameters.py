@@ -5,28 +5,22 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
-from jobs.visibility.methods import METHODS
+from jobs.visibility.settings import METHODS, QUALITIES, EngineSettings
 from storage.cells.octree import Octree
-
-if TYPE_CHECKING:
-    from jobs.visibility.engine import EngineSettings
 
 
 @dataclass(frozen=True)
 class Visibility:
     """How what can be seen from a cell is found: see `jobs.visibility.engine`."""
 
-    quality: str = "normal"  # one of the names of `jobs.visibility.engine.QUALITIES`
+    quality: str = "normal"  # one of the names of QUALITIES
     method: str = METHODS[0]  # one of METHODS
     sampled: bool = False  # cells hold what rays meet: smaller, but may miss what can be seen
     seal: float = 0.0  # gaps narrower than this count as closed, in model units
 
     def settings(self) -> EngineSettings:
         """The engine's settings."""
-        from jobs.visibility.engine import QUALITIES
-
         return dataclasses.replace(QUALITIES[self.quality], method=self.method, sampled=self.sampled, seal=self.seal)
 
 

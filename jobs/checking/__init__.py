@@ -3,7 +3,7 @@
 Read in this order:
 
     verify      the parts of a check, one after the other
-    report      what was found
+    findings    what was found, and the report of it
     workers     functions on one store, on all cores: in this process as long as that is quick
     checksums   every byte against the checksums that name the shards
     deltas      every change between cells against the vLODs of both

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.checking.report import Problems
+from jobs.checking.findings import Problems
 from jobs.checking.workers import Place
 from storage.base.errors import StoreError
 from storage.cells.deltas import Delta

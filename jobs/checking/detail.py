@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jobs.checking.report import Problems
+from jobs.checking.findings import Problems
 from jobs.checking.workers import Place
 from storage.base.errors import StoreError
 from storage.model.cut import UNBOUNDED

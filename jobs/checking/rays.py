@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.checking.cut_oracle import CutOracle
+from jobs.checking.findings import CellFindings, Problems
 from jobs.checking.oracle import Sight, examine
-from jobs.checking.report import CellFindings, Problems
 from jobs.checking.workers import Place
 from storage.base.errors import StoreError
 from storage.store import Store

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from jobs.checking.checksums import check_shard
 from jobs.checking.deltas import check_run, runs
 from jobs.checking.detail import check_detail
+from jobs.checking.findings import VerifyReport
 from jobs.checking.rays import Sample, cast_rays
-from jobs.checking.report import VerifyReport
 from jobs.checking.workers import Place, Workers
 from storage import open_store
 from storage.base.errors import ParameterError, StoreError, StoreNotFoundError

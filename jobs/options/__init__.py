@@ -2,7 +2,7 @@
 
 Read in this order:
 
-    sections     options in groups, as `--help` shows them
+    sections     what a group is, and its options as `--help` shows them
     view_space   where the viewer may be
     splitting    how the octree of view cells is split
     visibility   how what can be seen is found
@@ -10,7 +10,8 @@ Read in this order:
     objects      what is drawn or left out as a whole
     model_files  what the input files do not say
     stored       how what was found is written
+    groups       all of these in one: a new group is its own file, and an import and a base class here
     running      where tasks run, and what is told of them
 
-Light to import: help comes at once. `jobs.parameters` puts all groups but the last together.
+Light to import: help comes at once.
 """

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 from storage.base.errors import ParameterError
 
 #: Axes that may point up.
@@ -14,7 +14,7 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class ModelFileParameters:
+class ModelFileParameters(Group):
     """What the input files do not say, or say wrongly."""
 
     units: str | None = None  # length unit of the input files; None: what they say

@@ -9,7 +9,7 @@ import click
 
 from jobs.detail.detail_options import DetailOptions
 from jobs.objects.object_options import Clustering, Limits, ObjectOptions
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 
 #: Objects have at most this many times the triangles that a part has before it may be split: t2 / t1.
 AGAIN = 10
@@ -25,7 +25,7 @@ OBJECTS: dict[str, dict[str, float]] = {
 
 
 @dataclass(frozen=True)
-class ObjectParameters:
+class ObjectParameters(Group):
     """How parts become pieces, and pieces objects."""
 
     object_triangles: int = 1000  # t1 of Partition I: parts with more are split if they are large or long

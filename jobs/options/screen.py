@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 from storage.base.errors import ParameterError
 
 
 @dataclass(frozen=True)
-class ScreenParameters:
+class ScreenParameters(Group):
     """How large an error may look, and on which screen."""
 
     pixel_error: float = 1.0  # allowed error, in pixels

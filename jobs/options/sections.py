@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import click
@@ -13,6 +15,15 @@ class Section(NamedTuple):
 
     title: str
     options: tuple[click.Option, ...]
+
+
+@dataclass(frozen=True)
+class Group(ABC):
+    """Parameters of a build that belong together. Beside them, in their module, lies the SECTION of their options."""
+
+    @abstractmethod
+    def check(self) -> None:
+        """Raises ParameterError for what is out of range."""
 
 
 class SectionedCommand(click.Command):

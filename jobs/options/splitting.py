@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 from storage.base.errors import ParameterError
 
 
 @dataclass(frozen=True)
-class SplittingParameters:
+class SplittingParameters(Group):
     """How the octree of view cells is split."""
 
     triangles_per_cell: int = 50_000  # cells that see more are split, down to max_depth

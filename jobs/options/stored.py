@@ -6,25 +6,21 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 from storage.base.errors import ParameterError
-
-#: `storage.cells.codecs.DEFAULT`, which needs numpy to be asked.
-CODEC = "gap-varint-zstd"
+from storage.cells.codecs import CODECS, DEFAULT
 
 
 @dataclass(frozen=True)
-class StoredParameters:
+class StoredParameters(Group):
     """How what was found is written."""
 
-    codec: str = CODEC  # the code of vLODs and their changes: a name of storage.cells.codecs
+    codec: str = DEFAULT  # of vLODs and their changes: a name of CODECS
 
     def check(self) -> None:
-        """Raises ParameterError for a code that is not known."""
-        from storage.cells.codecs import codecs
-
-        if self.codec != CODEC and self.codec not in (known := sorted(codecs())):
-            raise ParameterError(f"the code of changes must be {' or '.join(known)}, not {self.codec!r}")
+        """Raises ParameterError for a codec that is not known."""
+        if self.codec not in CODECS:
+            raise ParameterError(f"--codec must be {' or '.join(CODECS)}, not {self.codec!r}")
 
 
 SECTION = Section(
@@ -32,10 +28,10 @@ SECTION = Section(
     (
         click.Option(
             ["--codec"],
-            metavar="NAME",
+            type=click.Choice(tuple(CODECS)),
             default=StoredParameters.codec,
             show_default=True,
-            help="The code that cells and the changes between them are written in.",
+            help="The codec that cells and the changes between them are written in.",
         ),
     ),
 )

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
+from jobs.options.sections import Group, Section
 from storage.base.errors import ParameterError
 
 Box = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class ViewSpaceParameters:
+class ViewSpaceParameters(Group):
     """Where the viewer may be. Lengths in model units."""
 
     view_box: Box | None = None  # x0 y0 z0 x1 y1 z1: where the viewer may be; None: the model's box, slightly larger

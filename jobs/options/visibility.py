@@ -7,27 +7,24 @@ from dataclasses import dataclass
 
 import click
 
-from jobs.options.sections import Section
-from jobs.visibility.methods import METHODS
+from jobs.options.sections import Group, Section
+from jobs.visibility.settings import METHODS, QUALITIES
 from storage.base.errors import ParameterError
-
-#: Names of the settings of `jobs.visibility.engine.QUALITIES`, which needs compiled kernels to be asked.
-QUALITY_NAMES = ("draft", "normal", "high")
 
 
 @dataclass(frozen=True)
-class VisibilityParameters:
+class VisibilityParameters(Group):
     """How what can be seen from a cell is found."""
 
-    quality: str = "normal"  # draft, normal or high: how much time a cell may take to see what is hidden
+    quality: str = "normal"  # one of QUALITIES: how much time a cell may take to see what is hidden
     sampled: bool = False  # cells hold what rays meet: smaller, but may miss what can be seen
     seal: float | None = None  # in model units: gaps narrower than this count as closed; may miss what is seen through
     visibility_engine: str = METHODS[0]  # how what is hidden is found: one of METHODS
 
     def check(self) -> None:
         """Raises ParameterError for what is not known, and what does not go together."""
-        if self.quality not in QUALITY_NAMES:
-            raise ParameterError(f"the quality must be one of {', '.join(QUALITY_NAMES)}, not {self.quality!r}")
+        if self.quality not in QUALITIES:
+            raise ParameterError(f"the quality must be one of {', '.join(QUALITIES)}, not {self.quality!r}")
         if self.seal is not None and not (math.isfinite(self.seal) and self.seal > 0):
             raise ParameterError(f"the distance to seal must be positive, not {self.seal}")
         if self.visibility_engine not in METHODS:
@@ -45,7 +42,7 @@ SECTION = Section(
     (
         click.Option(
             ["--quality"],
-            type=click.Choice(QUALITY_NAMES),
+            type=click.Choice(tuple(QUALITIES)),
             default=VisibilityParameters.quality,
             show_default=True,
             help="How much time a cell may take to find what is hidden, and to prove what is not. draft: about half of "

@@ -65,7 +65,7 @@ class Stage:
     distributions: tuple[str, ...] = ()  # installed distributions whose version decides the result
     apart: tuple[
         str, ...
-    ] = ()  # what that code imports, and what has no say in the result: see `jobs.stages.common.code`
+    ] = ()  # what that code imports, and what has no say in the result: see `jobs.stages.support.code`
     cure: str | None = None  # what, beside more memory, helps where a task needs too much
 
     @property

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.scenes.things import street
+from jobs.scenes.things.draft import EYE_HEIGHT, Point, SceneDraft, SceneKind, Walk
 from jobs.scenes.things.furnish import Plan, furnish
 from jobs.scenes.things.furnishings import FURNISHINGS
 from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Room
 from jobs.scenes.things.solids import Floats, Mesh, boxes, cylinders, join, openings, plate, tubes, turn_z, vec
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
 BLOCK, STREET = 56.0, 12.0  # metres: a block with its pavements, a street between kerbs
 PITCH = BLOCK + STREET
@@ -200,44 +200,44 @@ def _block_tour(block: Block, westwards: bool) -> list[tuple[float, float]]:
     return [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
 
 
-def build(stage: Stage, triangles: int, seed: int) -> None:
-    """Make the whole scene on `stage`."""
+def build(draft: SceneDraft, triangles: int, seed: int) -> None:
+    """Make the whole scene on `draft`."""
     blocks = _blocks(triangles, seed)
     columns, rows = (1 + max(key[axis] for key in blocks) for axis in (0, 1))
-    stage.writer.begin("city")
+    draft.writer.begin("city")
     edge = 2 * STREET
     ground = boxes(
         [(-edge, -edge, -0.5)], [((columns - 1) * PITCH + BLOCK + edge, (rows - 1) * PITCH + BLOCK + edge, 0.0)]
     )
-    stage.add("streets", ground, "asphalt")
+    draft.add("streets", ground, "asphalt")
     for done, block in enumerate(blocks.values()):
-        goal = stage.writer.triangles + stage.left // (len(blocks) - done)
+        goal = draft.writer.triangles + draft.left // (len(blocks) - done)
         rng = np.random.default_rng([seed, 32, block.number])
-        stage.writer.begin(block.name, (block.column * PITCH, block.row * PITCH, 0.0))
-        stage.add(f"{block.name} pavement", boxes([(0.0, 0.0, 0.0)], [(BLOCK, BLOCK, KERB)]), "pavement")
+        draft.writer.begin(block.name, (block.column * PITCH, block.row * PITCH, 0.0))
+        draft.add(f"{block.name} pavement", boxes([(0.0, 0.0, 0.0)], [(BLOCK, BLOCK, KERB)]), "pavement")
         for building in block.buildings:
-            _shell(stage, block, building, goal, rng)
-        _streets(stage, block, goal, rng)
+            _shell(draft, block, building, goal, rng)
+        _streets(draft, block, goal, rng)
         if block.buildings:
-            _interiors(stage, block, goal, rng)
+            _interiors(draft, block, goal, rng)
         else:
-            _park(stage, block, goal, rng)
-        stage.writer.end()
-        stage.report()
-    stage.writer.end()
+            _park(draft, block, goal, rng)
+        draft.writer.end()
+        draft.report()
+    draft.writer.end()
 
 
 # -------------------------------------------------------------------------------------------------- streets
 
 
-def _streets(stage: Stage, block: Block, goal: int, rng: np.random.Generator) -> None:
+def _streets(draft: SceneDraft, block: Block, goal: int, rng: np.random.Generator) -> None:
     """Markings, and what stands on the pavements and by the kerb, as far as a third of the triangles left goes."""
     name = block.name
-    stage.writer.begin(f"{name} street")
-    stage.put(f"{name} dashes south", "dashes", (BLOCK / 2, -STREET / 2, 0.0))
-    stage.put(f"{name} dashes west", "dashes", (-STREET / 2, BLOCK / 2, 0.0), turn_z(90.0))
-    stage.put(f"{name} crossing west", "crossing", (-STREET / 2, WALKING_LINE, 0.0))
-    stage.put(f"{name} crossing south", "crossing", (WALKING_LINE, -STREET / 2, 0.0), turn_z(90.0))
+    draft.writer.begin(f"{name} street")
+    draft.put(f"{name} dashes south", "dashes", (BLOCK / 2, -STREET / 2, 0.0))
+    draft.put(f"{name} dashes west", "dashes", (-STREET / 2, BLOCK / 2, 0.0), turn_z(90.0))
+    draft.put(f"{name} crossing west", "crossing", (-STREET / 2, WALKING_LINE, 0.0))
+    draft.put(f"{name} crossing south", "crossing", (WALKING_LINE, -STREET / 2, 0.0), turn_z(90.0))
     spots: list[tuple[float, str, Point, float]] = []
     far = BLOCK - 0.75
     sides = [
@@ -265,30 +265,30 @@ def _streets(stage: Stage, block: Block, goal: int, rng: np.random.Generator) ->
             if rng.uniform() < 0.15:
                 x, y, degrees = (place, -STREET / 2 - 1.8, 0.0) if lane == 0 else (-STREET / 2 - 1.8, place, 270.0)
                 spots.append((rng.uniform() + 0.3, paint, (x, y, 0.0), degrees))
-    left = (goal - stage.writer.triangles) // 3
+    left = (goal - draft.writer.triangles) // 3
     for number, (_, thing, at, degrees) in enumerate(sorted(spots)):
-        cost = stage.cost(thing)
+        cost = draft.cost(thing)
         if cost <= left:
             left -= cost
-            stage.put(f"{name} {thing} {number + 1}", thing, at, turn_z(degrees))
-    stage.writer.end()
+            draft.put(f"{name} {thing} {number + 1}", thing, at, turn_z(degrees))
+    draft.writer.end()
 
 
-def _park(stage: Stage, block: Block, goal: int, rng: np.random.Generator) -> None:
+def _park(draft: SceneDraft, block: Block, goal: int, rng: np.random.Generator) -> None:
     """Lawns, paths, a fountain, and trees as far as the triangles go."""
     name = block.name
     grid = np.array([PAVEMENT, 14.0, 17.0, BLOCK / 2 - 6, BLOCK / 2 + 6, BLOCK - 17.0, BLOCK - 14.0, BLOCK - PAVEMENT])
     lawn = np.ones((7, 7), bool)
     lawn[[1, 5], :] = lawn[:, [1, 5]] = False
     lawn[3, :] = lawn[:, 3] = False
-    stage.add(f"{name} lawns", plate("z", grid, grid, lawn, KERB, KERB + 0.0625), "grass")
-    if goal - stage.writer.triangles > stage.cost("fountain"):
-        stage.put(f"{name} fountain", "fountain", (BLOCK / 2, BLOCK / 2, KERB))
+    draft.add(f"{name} lawns", plate("z", grid, grid, lawn, KERB, KERB + 0.0625), "grass")
+    if goal - draft.writer.triangles > draft.cost("fountain"):
+        draft.put(f"{name} fountain", "fountain", (BLOCK / 2, BLOCK / 2, KERB))
     for k in range(12):
         angle = 30.0 * k
         at = turn_z(angle) @ np.array([0.0, -5.0, 0.0])
-        if goal - stage.writer.triangles > stage.cost("bench"):
-            stage.put(
+        if goal - draft.writer.triangles > draft.cost("bench"):
+            draft.put(
                 f"{name} bench {k + 1}",
                 "bench",
                 (BLOCK / 2 + float(at[0]), BLOCK / 2 + float(at[1]), KERB),
@@ -298,8 +298,8 @@ def _park(stage: Stage, block: Block, goal: int, rng: np.random.Generator) -> No
         u, v = rng.uniform(5.0, BLOCK - 5.0, 2).tolist()
         thing = str(rng.choice(["tree 0", "tree 1", "tree 2", "conifer"]))
         on_lawn = lawn[np.searchsorted(grid, u) - 1, np.searchsorted(grid, v) - 1]
-        if on_lawn and goal - stage.writer.triangles > stage.cost(thing):
-            stage.put(f"{name} tree {number + 1}", thing, (u, v, KERB), turn_z(float(rng.integers(0, 360))))
+        if on_lawn and goal - draft.writer.triangles > draft.cost(thing):
+            draft.put(f"{name} tree {number + 1}", thing, (u, v, KERB), turn_z(float(rng.integers(0, 360))))
 
 
 # ------------------------------------------------------------------------------------------------ buildings
@@ -313,18 +313,18 @@ def _windows(length: float, home: bool) -> Floats:
     return np.stack([start, start + wide], axis=1)
 
 
-def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.random.Generator) -> None:
+def _shell(draft: SceneDraft, block: Block, building: Building, goal: int, rng: np.random.Generator) -> None:
     """Facades, roof, and the storeys' shells."""
     name = f"{block.name} building {building.number}"
     wide, deep, storeys = building.width, building.depth, building.storeys
     high = storeys * STOREY
     low_sill, head = (0.875, 2.5) if building.home else (0.75, 2.75)
-    stage.writer.begin(name, (*building.at, KERB), turn_z(180.0) if building.flipped else None)
+    draft.writer.begin(name, (*building.at, KERB), turn_z(180.0) if building.flipped else None)
     along, across = _windows(wide, building.home), _windows(deep, building.home)
     rows = [(k * STOREY + low_sill, k * STOREY + head) for k in range(storeys)]
     holes = [(u0, u1, v0, v1) for v0, v1 in rows for u0, u1 in along.tolist()]
     for side, y in (("south", 0.0), ("north", deep - OUTER)):
-        stage.add(
+        draft.add(
             f"{name} {side} wall", plate("y", *openings((0.0, wide), (0.0, high), holes), y, y + OUTER), building.facade
         )
     middle = building.middle
@@ -334,7 +334,7 @@ def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.ra
     ends = [(middle - 0.5, middle + 0.5, v0, v1) for v0, v1 in rows]
     for side, x, extra in (("west", 0.0, [entrance, *ends[1:]]), ("east", wide - OUTER, ends)):
         wall = plate("x", *openings((OUTER, deep - OUTER), (0.0, high), [*holes, *extra]), x, x + OUTER)
-        stage.add(f"{name} {side} wall", wall, building.facade)
+        draft.add(f"{name} {side} wall", wall, building.facade)
     z = np.arange(1, storeys + 1) * STOREY - 0.1875
     bands = []
     for a, b, c, d in (
@@ -345,33 +345,33 @@ def _shell(stage: Stage, block: Block, building: Building, goal: int, rng: np.ra
     ):
         ones = np.ones(storeys)
         bands.append(boxes(np.stack([a * ones, c * ones, z], 1), np.stack([b * ones, d * ones, z + 0.1875], 1)))
-    stage.add(f"{name} bands", join(bands), "light grey")
-    _roof(stage, name, building, goal, rng)
-    shell = stage.writer.mesh(
-        f"{name} storey shell", [(mesh, stage.material(what)) for mesh, what in _storey_shell(building)]
+    draft.add(f"{name} bands", join(bands), "light grey")
+    _roof(draft, name, building, goal, rng)
+    shell = draft.writer.mesh(
+        f"{name} storey shell", [(mesh, draft.material(what)) for mesh, what in _storey_shell(building)]
     )
-    frames = stage.writer.mesh(
-        f"{name} window frames", [(_frames(building, along, clear, low_sill, head), stage.material("slate"))]
+    frames = draft.writer.mesh(
+        f"{name} window frames", [(_frames(building, along, clear, low_sill, head), draft.material("slate"))]
     )
     stairs = (
-        stage.writer.mesh(f"{name} stairs", [(_stairs(building), stage.material("concrete"))]) if storeys > 1 else None
+        draft.writer.mesh(f"{name} stairs", [(_stairs(building), draft.material("concrete"))]) if storeys > 1 else None
     )
-    stage.add(f"{name} ground floor", boxes([(0.0, 0.0, 0.0)], [(wide, deep, 1 / 64)]), "dark concrete")
+    draft.add(f"{name} ground floor", boxes([(0.0, 0.0, 0.0)], [(wide, deep, 1 / 64)]), "dark concrete")
     for k in range(storeys):
         at = (0.0, 0.0, k * STOREY)
-        stage.writer.place(f"{name} storey {k + 1} shell", shell, at)
-        stage.writer.place(f"{name} storey {k + 1} window frames", frames, at)
+        draft.writer.place(f"{name} storey {k + 1} shell", shell, at)
+        draft.writer.place(f"{name} storey {k + 1} window frames", frames, at)
         if stairs is not None and k + 1 < storeys:
-            stage.writer.place(f"{name} storey {k + 1} stairs", stairs, at)
+            draft.writer.place(f"{name} storey {k + 1} stairs", stairs, at)
             slab = plate(
                 "z",
                 *openings((OUTER, wide - OUTER), (OUTER, deep - OUTER), [_stair_well(building)]),
                 (k + 1) * STOREY - 0.25,
                 (k + 1) * STOREY,
             )
-            stage.add(f"{name} slab {k + 1}", slab, "concrete")
-    _street_front(stage, name, building, along, goal, rng)
-    stage.writer.end()
+            draft.add(f"{name} slab {k + 1}", slab, "concrete")
+    _street_front(draft, name, building, along, goal, rng)
+    draft.writer.end()
 
 
 def _stair_well(building: Building) -> tuple[float, float, float, float]:
@@ -470,7 +470,7 @@ def _frames(building: Building, along: Floats, clear: list[tuple[float, float]],
     return boxes(lo, hi)
 
 
-def _roof(stage: Stage, name: str, building: Building, goal: int, rng: np.random.Generator) -> None:
+def _roof(draft: SceneDraft, name: str, building: Building, goal: int, rng: np.random.Generator) -> None:
     """Roof slab, parapet, stair hut and what stands on the roof."""
     wide, deep, z = building.width, building.depth, building.storeys * STOREY
     slab = boxes([(OUTER, OUTER, z - 0.25)], [(wide - OUTER, deep - OUTER, z)])
@@ -480,55 +480,55 @@ def _roof(stage: Stage, name: str, building: Building, goal: int, rng: np.random
     hut = boxes(
         [(x0, y0, z), (x0 - 0.15, y0 - 0.15, z + 2.5)], [(x1 - 0.5, y1 - 0.5, z + 2.5), (x1 - 0.35, y1 - 0.35, z + 2.7)]
     )
-    stage.add(f"{name} roof", slab, "slate")
-    stage.add(f"{name} parapet", parapet, building.facade)
-    stage.add(f"{name} roof hut", hut, "light grey")
+    draft.add(f"{name} roof", slab, "slate")
+    draft.add(f"{name} parapet", parapet, building.facade)
+    draft.add(f"{name} roof hut", hut, "light grey")
     if building.storeys > 1:
         for k in range(int(rng.integers(1, 4))):
-            if goal - stage.writer.triangles > 12_000:
-                stage.put(
+            if goal - draft.writer.triangles > 12_000:
+                draft.put(
                     f"{name} air conditioner {k + 1}",
                     "air conditioner",
                     (2.5 + 3.6 * k, deep * 0.35, z),
                     turn_z(90.0 * (k % 2)),
                 )
-    if building.storeys > 3 and rng.uniform() < 0.6 and goal - stage.writer.triangles > 12_000:
-        stage.put(f"{name} water tank", "water tank", (3.0, deep - 3.5, z))
+    if building.storeys > 3 and rng.uniform() < 0.6 and goal - draft.writer.triangles > 12_000:
+        draft.put(f"{name} water tank", "water tank", (3.0, deep - 3.5, z))
 
 
 def _street_front(
-    stage: Stage, name: str, building: Building, along: Floats, goal: int, rng: np.random.Generator
+    draft: SceneDraft, name: str, building: Building, along: Floats, goal: int, rng: np.random.Generator
 ) -> None:
     """Awnings over the ground floor or balconies above it, on the southern and northern sides, and a canopy."""
     canopy = boxes([(-1.2, building.middle - 1.25, 2.6)], [(0.0, building.middle + 1.25, 2.75)])
-    stage.add(f"{name} canopy", canopy, "slate")
+    draft.add(f"{name} canopy", canopy, "slate")
     for k, (u0, u1) in enumerate(along.tolist()):
         middle = (u0 + u1) / 2
-        if goal - stage.writer.triangles < 9_000:
+        if goal - draft.writer.triangles < 9_000:
             return
         if not building.home:
-            stage.put(f"{name} awning {k + 1}", "awning", (middle, 0.0, 3.25))
+            draft.put(f"{name} awning {k + 1}", "awning", (middle, 0.0, 3.25))
         elif rng.uniform() < 0.5:
             for storey in range(1, building.storeys):
                 at = (middle, 0.0, storey * STOREY + 0.5)
                 if storey % 2:
-                    stage.put(f"{name} balcony {k + 1} {storey}", "balcony", at)
+                    draft.put(f"{name} balcony {k + 1} {storey}", "balcony", at)
 
 
-def _interiors(stage: Stage, block: Block, goal: int, rng: np.random.Generator) -> None:
+def _interiors(draft: SceneDraft, block: Block, goal: int, rng: np.random.Generator) -> None:
     """Furnish all storeys of a block evenly, up to `goal` triangles of the scene."""
     left = sum(building.storeys for building in block.buildings)
     for building in block.buildings:
         name = f"{block.name} building {building.number}"
-        plan = Plan.of(stage, building.rooms)
-        stage.writer.begin(f"{name} interior", (*building.at, KERB), turn_z(180.0) if building.flipped else None)
+        plan = Plan.of(draft, building.rooms)
+        draft.writer.begin(f"{name} interior", (*building.at, KERB), turn_z(180.0) if building.flipped else None)
         for k in range(building.storeys):
             label = f"{name} storey {k + 1}"
-            stage.writer.begin(label, (0.0, 0.0, k * STOREY + 1 / 32))
-            furnish(stage, stage.writer.triangles + (goal - stage.writer.triangles) // left, plan, rng, label)
-            stage.writer.end()
+            draft.writer.begin(label, (0.0, 0.0, k * STOREY + 1 / 32))
+            furnish(draft, draft.writer.triangles + (goal - draft.writer.triangles) // left, plan, rng, label)
+            draft.writer.end()
             left -= 1
-        stage.writer.end()
+        draft.writer.end()
 
 
 SCENE = SceneKind(build, walk, FURNISHINGS | street.RECIPES)

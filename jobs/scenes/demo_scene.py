@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jobs.scenes.kinds import KINDS, scene_kind
+from jobs.scenes.things.draft import Progress, SceneDraft, SceneKind
 from jobs.scenes.things.glb import GlbWriter, y_up
-from jobs.scenes.things.stage import Progress, SceneKind, Stage
 from storage.base.errors import ParameterError
 
 MINIMUM_TRIANGLES = 20_000
@@ -64,7 +64,7 @@ def write_scene(kind: str, out: Path, triangles: int, seed: int, progress: Progr
         raise ParameterError(f"{out}: this is a folder: choose the name of a file")
     tour = y_up(maker.walk(triangles, seed).tour)
     with GlbWriter(out) as writer:
-        maker.build(Stage(writer, triangles, maker.recipes, progress), triangles, seed)
+        maker.build(SceneDraft(writer, triangles, maker.recipes, progress), triangles, seed)
         extras = {"kind": kind, "seed": seed, "triangles": writer.triangles, "tour": np.round(tour, 4).tolist()}
         size = writer.finish(extras)
         if progress is not None:

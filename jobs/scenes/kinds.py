@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from jobs.scenes.things.stage import SceneKind
+    from jobs.scenes.things.draft import SceneKind
 
 #: The name of each kind, and the module that makes it: imported when it is asked for.
 KINDS = {

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.scenes.things.draft import EYE_HEIGHT, Point, SceneDraft, SceneKind, Walk
 from jobs.scenes.things.furnish import Plan, furnish
 from jobs.scenes.things.furnishings import FURNISHINGS
 from jobs.scenes.things.rooms import CLEAR, DOOR_HEIGHT, DOOR_WIDTH, INNER, OUTER, STOREY, Room
 from jobs.scenes.things.solids import Mesh, boxes, cylinders, join, openings, plate, tubes, vec
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
 STOREY_TRIANGLES = 60_000  # aimed at per storey
 ROOF_TRIANGLES = 12 + 8 * 4 + 16 * 2  # slab and parapet
@@ -121,33 +121,33 @@ def walk(triangles: int, seed: int) -> Walk:
     return Walk(np.array(points, np.float64), np.array(tour, np.float64))
 
 
-def build(stage: Stage, triangles: int, seed: int) -> None:
-    """Make the whole scene on `stage`."""
+def build(draft: SceneDraft, triangles: int, seed: int) -> None:
+    """Make the whole scene on `draft`."""
     towers = _towers(triangles)
     storeys_left = sum(towers)
     columns = max(1, round(len(towers) ** 0.5))
     rows = -(-len(towers) // columns)
-    stage.writer.begin("offices")
+    draft.writer.begin("offices")
     lo = (-24.0, -24.0, -0.75)
     hi = ((columns - 1) * TOWER_SPACING[0] + WIDTH + 24, (rows - 1) * TOWER_SPACING[1] + DEPTH + 24, -0.25)
-    stage.add("ground", boxes([lo], [hi]), "pavement")
+    draft.add("ground", boxes([lo], [hi]), "pavement")
     for tower, storeys in enumerate(towers):
-        plan = Plan.of(stage, _rooms(seed, tower))
-        stage.writer.begin(f"tower {tower + 1}", (*_tower_place(tower, len(towers)), 0.0))
+        plan = Plan.of(draft, _rooms(seed, tower))
+        draft.writer.begin(f"tower {tower + 1}", (*_tower_place(tower, len(towers)), 0.0))
         for storey in range(storeys):
-            goal = stage.writer.triangles + stage.left // storeys_left
-            _storey(stage, goal, plan, np.random.default_rng([seed, 2, tower, storey]), tower, storey, storeys)
+            goal = draft.writer.triangles + draft.left // storeys_left
+            _storey(draft, goal, plan, np.random.default_rng([seed, 2, tower, storey]), tower, storey, storeys)
             storeys_left -= 1
-            stage.report()
-        _roof(stage, tower, storeys)
-        stage.writer.end()
-    stage.writer.end()
+            draft.report()
+        _roof(draft, tower, storeys)
+        draft.writer.end()
+    draft.writer.end()
 
 
 # ------------------------------------------------------------------------------------------------ structure
 
 
-def _roof(stage: Stage, tower: int, storeys: int) -> None:
+def _roof(draft: SceneDraft, tower: int, storeys: int) -> None:
     """Roof slab and parapet. They belong to the tower; the last storey has left triangles for them."""
     z = storeys * STOREY
     slab = boxes([(0.0, 0.0, z - 0.25)], [(WIDTH, DEPTH, z)])
@@ -159,58 +159,58 @@ def _roof(stage: Stage, tower: int, storeys: int) -> None:
         z,
         z + 0.75,
     )
-    stage.add(f"tower {tower + 1} roof", join([slab, parapet]), "dark concrete")
+    draft.add(f"tower {tower + 1} roof", join([slab, parapet]), "dark concrete")
 
 
 def _storey(
-    stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, tower: int, storey: int, storeys: int
+    draft: SceneDraft, goal: int, plan: Plan, rng: np.random.Generator, tower: int, storey: int, storeys: int
 ) -> None:
     """One storey; it ends within a few triangles of `goal`, counted over the whole scene."""
     name, rooms = f"tower {tower + 1} storey {storey + 1}", plan.rooms
-    stage.writer.begin(name, (0.0, 0.0, storey * STOREY))
-    stage.writer.begin(f"{name} structure")
-    _floor(stage, name, rooms, storey)
-    _facades(stage, name, storey)
+    draft.writer.begin(name, (0.0, 0.0, storey * STOREY))
+    draft.writer.begin(f"{name} structure")
+    _floor(draft, name, rooms, storey)
+    _facades(draft, name, storey)
     for north in (False, True):
-        _corridor_wall(stage, name, rooms, north, ("slab", "abutting", "interpenetrating")[(storey + 2 * north) % 3])
-    _cross_walls(stage, name, rooms, storey)
+        _corridor_wall(draft, name, rooms, north, ("slab", "abutting", "interpenetrating")[(storey + 2 * north) % 3])
+    _cross_walls(draft, name, rooms, storey)
     if storey + 1 < storeys:
-        _stairs(stage, name)
-    _services(stage, name, rooms)
+        _stairs(draft, name)
+    _services(draft, name, rooms)
     for x in np.arange(3.0, WIDTH - 2.0, 4.0).tolist():
-        stage.put(f"{name} corridor lamp {x:g}", "ceiling lamp", (x, 8.375, CLEAR))
-    stage.writer.end()
+        draft.put(f"{name} corridor lamp {x:g}", "ceiling lamp", (x, 8.375, CLEAR))
+    draft.writer.end()
     reserve = ROOF_TRIANGLES if storey + 1 == storeys else 0
-    furnish(stage, goal - reserve, plan, rng, name)
-    stage.writer.end()
+    furnish(draft, goal - reserve, plan, rng, name)
+    draft.writer.end()
 
 
-def _floor(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> None:
+def _floor(draft: SceneDraft, name: str, rooms: tuple[Room, ...], storey: int) -> None:
     if storey == 0:
         slab = boxes([(0.0, 0.0, -0.25)], [(WIDTH, DEPTH, 0.0)])
     else:
         slab = plate("z", *openings((0.0, WIDTH), (0.0, DEPTH), [(OUTER, CORE, 10.25, DEPTH - OUTER)]), -0.25, 0.0)
-    stage.add(f"{name} floor", slab, "concrete")
+    draft.add(f"{name} floor", slab, "concrete")
     carpet = boxes([(OUTER, SOUTH_WALL + INNER, 0.0)], [(WIDTH - OUTER, NORTH_WALL, 1 / 64)])
-    stage.add(f"{name} corridor carpet", carpet, "carpet")
+    draft.add(f"{name} corridor carpet", carpet, "carpet")
     lo, hi = (np.array([[getattr(r, x), getattr(r, y), 0.0] for r in rooms]) for x, y in (("x0", "y0"), ("x1", "y1")))
     soft = np.array([room.kind in ("office", "open", "meeting", "library") for room in rooms])
-    stage.add(f"{name} room carpets", boxes(lo[soft], hi[soft] + (0, 0, 1 / 64)), "carpet light")
-    stage.add(f"{name} parquet", boxes(lo[~soft], hi[~soft] + (0, 0, 1 / 64)), "wood")
-    stage.add(f"{name} ceilings", boxes(lo + vec(0, 0, CLEAR - 1 / 32), hi + vec(0, 0, CLEAR)), "white")
+    draft.add(f"{name} room carpets", boxes(lo[soft], hi[soft] + (0, 0, 1 / 64)), "carpet light")
+    draft.add(f"{name} parquet", boxes(lo[~soft], hi[~soft] + (0, 0, 1 / 64)), "wood")
+    draft.add(f"{name} ceilings", boxes(lo + vec(0, 0, CLEAR - 1 / 32), hi + vec(0, 0, CLEAR)), "white")
 
 
-def _facades(stage: Stage, name: str, storey: int) -> None:
+def _facades(draft: SceneDraft, name: str, storey: int) -> None:
     """The outer walls with windows, and the windows' frames."""
     starts = np.arange(1.0, WIDTH - 2.0, 2.5)
     holes = np.stack([starts, starts + 1.75, np.full_like(starts, 0.875), np.full_like(starts, 2.75)], axis=1)
     for side, y in (("south", 0.0), ("north", DEPTH - OUTER)):
         wall = plate("y", *openings((0.0, WIDTH), (0.0, CLEAR), holes), y, y + OUTER)
-        stage.add(f"{name} {side} wall", wall, "cream")
+        draft.add(f"{name} {side} wall", wall, "cream")
     ends = [(SOUTH_WALL + 0.25, NORTH_WALL - 0.125, 0.0 if storey == 0 else 0.875, 2.75)]
     for side, x in (("west", 0.0), ("east", WIDTH - OUTER)):
         wall = plate("x", *openings((OUTER, DEPTH - OUTER), (0.0, CLEAR), ends), x, x + OUTER)
-        stage.add(f"{name} {side} wall", wall, "cream")
+        draft.add(f"{name} {side} wall", wall, "cream")
     u0, u1, v0, v1 = holes.T
     bars_lo, bars_hi = [], []
     for y in (0.09375, DEPTH - 0.15625):
@@ -223,11 +223,11 @@ def _facades(stage: Stage, name: str, storey: int) -> None:
         ):
             bars_lo.append(np.stack([a0, np.full_like(a0, y), b0], axis=1))
             bars_hi.append(np.stack([a1, np.full_like(a0, y + 0.0625), b1], axis=1))
-    stage.add(f"{name} window frames", boxes(np.concatenate(bars_lo), np.concatenate(bars_hi)), "slate")
+    draft.add(f"{name} window frames", boxes(np.concatenate(bars_lo), np.concatenate(bars_hi)), "slate")
     sills = [(u0 - 0.0625, u1 + 0.0625, y0, y1) for y0, y1 in ((-0.0625, 0.0625), (DEPTH - 0.0625, DEPTH + 0.0625))]
     lo = np.concatenate([np.stack([a, np.full_like(a, y), v0 - 0.0625], axis=1) for a, _, y, _ in sills])
     hi = np.concatenate([np.stack([b, np.full_like(b, y), v0], axis=1) for _, b, _, y in sills])
-    stage.add(f"{name} window sills", boxes(lo, hi), "light grey")
+    draft.add(f"{name} window sills", boxes(lo, hi), "light grey")
 
 
 def _wall(
@@ -264,22 +264,22 @@ def _wall(
     return boxes(lo, hi)
 
 
-def _corridor_wall(stage: Stage, name: str, rooms: tuple[Room, ...], north: bool, manner: str) -> None:
+def _corridor_wall(draft: SceneDraft, name: str, rooms: tuple[Room, ...], north: bool, manner: str) -> None:
     y = NORTH_WALL if north else SOUTH_WALL
     holes = [(r.door - DOOR_WIDTH / 2, r.door + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT) for r in rooms if r.north == north]
     if north:
         holes.append((1.75, 3.25, 0.0, DOOR_HEIGHT))
     side = "north" if north else "south"
-    stage.add(
+    draft.add(
         f"{name} {side} corridor wall ({manner})",
         _wall("y", (OUTER, WIDTH - OUTER), holes, y, y + INNER, manner),
         "plaster",
     )
 
 
-def _cross_walls(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) -> None:
+def _cross_walls(draft: SceneDraft, name: str, rooms: tuple[Room, ...], storey: int) -> None:
     core = boxes([(CORE, NORTH_WALL + INNER, 0.0)], [(CORE + INNER, DEPTH - OUTER, CLEAR)])
-    stage.add(f"{name} core wall", core, "concrete")
+    draft.add(f"{name} core wall", core, "concrete")
     for room in rooms:
         if room.x1 >= WIDTH - OUTER:
             continue
@@ -287,10 +287,10 @@ def _cross_walls(stage: Stage, name: str, rooms: tuple[Room, ...], storey: int) 
         holes = [] if room.hinge_east else [(middle - DOOR_WIDTH / 2, middle + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)]
         manner = ("abutting", "slab", "interpenetrating")[(storey + room.number) % 3]
         wall = _wall("x", (room.y0, room.y1), holes, room.x1, room.x1 + INNER, manner)
-        stage.add(f"{name} wall {room.number} ({manner})", wall, "plaster")
+        draft.add(f"{name} wall {room.number} ({manner})", wall, "plaster")
 
 
-def _stairs(stage: Stage, name: str) -> None:
+def _stairs(draft: SceneDraft, name: str) -> None:
     """Two flights of ten steps and a landing: boxes that abut; railings of round bars."""
     rise, run, first = STOREY / 20, 0.3, 10.25
     k = np.arange(10)
@@ -300,7 +300,7 @@ def _stairs(stage: Stage, name: str) -> None:
     down_lo = np.stack([np.full(10, 2.75), 13.25 - (k + 1) * run, STOREY / 2 + k * rise - 0.125], axis=1)
     down_hi = np.stack([np.full(10, 4.625), 13.25 - k * run, STOREY / 2 + (k + 1) * rise], axis=1)
     steps = boxes(np.concatenate([up_lo, landing[0], down_lo]), np.concatenate([up_hi, landing[1], down_hi]))
-    stage.add(f"{name} stairs", steps, "concrete")
+    draft.add(f"{name} stairs", steps, "concrete")
     high = 1.0
     rails = tubes(
         [
@@ -326,13 +326,13 @@ def _stairs(stage: Stage, name: str) -> None:
         ]
     )
     bars = cylinders(bars_lo, bars_lo + vec(0, 0, high - 0.05), 0.009, 6)
-    stage.add(f"{name} stair railings", join([rails, bars]), "black")
+    draft.add(f"{name} stair railings", join([rails, bars]), "black")
 
 
-def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
+def _services(draft: SceneDraft, name: str, rooms: tuple[Room, ...]) -> None:
     """A duct and pipes under the corridor's ceiling, door frames, skirting boards."""
     x0, x1 = OUTER + 0.25, WIDTH - OUTER - 0.25
-    stage.add(f"{name} duct", boxes([(x0, 6.75, 2.8125)], [(x1, 7.25, 3.125)]), "galvanised")
+    draft.add(f"{name} duct", boxes([(x0, 6.75, 2.8125)], [(x1, 7.25, 3.125)]), "galvanised")
     ys = np.array([7.75, 7.90625, 8.0625])
     pipes = cylinders(
         np.stack([np.full(3, x0), ys, np.full(3, 2.9375)], axis=1),
@@ -345,7 +345,7 @@ def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
         np.stack([hangers, np.full_like(hangers, 7.6875), np.full_like(hangers, 2.84375)], axis=1),
         np.stack([hangers + 0.03125, np.full_like(hangers, 8.125), np.full_like(hangers, 2.875)], axis=1),
     )
-    stage.add(f"{name} corridor pipes", join([pipes, straps]), "brass")
+    draft.add(f"{name} corridor pipes", join([pipes, straps]), "brass")
     frames_lo, frames_hi, boards_lo, boards_hi = [], [], [], []
     for room in rooms:
         near, far = (NORTH_WALL, NORTH_WALL + INNER) if room.north else (SOUTH_WALL, SOUTH_WALL + INNER)
@@ -365,8 +365,8 @@ def _services(stage: Stage, name: str, rooms: tuple[Room, ...]) -> None:
         low, high = (y - 1 / 64, y) if room.north else (y, y + 1 / 64)
         boards_lo.append((room.x0, low, 0.0))
         boards_hi.append((room.x1, high, 0.125))
-    stage.add(f"{name} door frames", boxes(frames_lo, frames_hi), "wood dark")
-    stage.add(f"{name} skirting boards", boxes(boards_lo, boards_hi), "white")
+    draft.add(f"{name} door frames", boxes(frames_lo, frames_hi), "wood dark")
+    draft.add(f"{name} skirting boards", boxes(boards_lo, boards_hi), "white")
 
 
 SCENE = SceneKind(build, walk, FURNISHINGS)

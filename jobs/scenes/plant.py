@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.scenes.things import equipment
+from jobs.scenes.things.draft import EYE_HEIGHT, Point, SceneDraft, SceneKind, Walk
 from jobs.scenes.things.solids import (
     Floats,
     Mesh,
@@ -29,7 +30,6 @@ from jobs.scenes.things.solids import (
     turn_z,
     vec,
 )
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
 LENGTH, DEPTH, HEIGHT = 36.0, 24.0, 9.0  # of a hall: between the walls' outer faces, and the clear height
 WALL = 0.25
@@ -145,27 +145,27 @@ def walk(triangles: int, seed: int) -> Walk:
     return Walk(np.array(points, np.float64), np.array(tour, np.float64))
 
 
-def build(stage: Stage, triangles: int, seed: int) -> None:
-    """Make the whole scene on `stage`."""
+def build(draft: SceneDraft, triangles: int, seed: int) -> None:
+    """Make the whole scene on `draft`."""
     halls = _halls(triangles, seed)
     columns, rows = (1 + max(key[axis] for key in halls) for axis in (0, 1))
-    stage.writer.begin("plant")
+    draft.writer.begin("plant")
     ground = boxes([(-20.0, -20.0, -0.75)], [(columns * LENGTH + 20, rows * DEPTH + 20, -0.25)])
-    stage.add("ground", ground, "pavement")
+    draft.add("ground", ground, "pavement")
     if triangles >= OUTSIDE_FROM:
-        _outside(stage)
+        _outside(draft)
     for done, (place, hall) in enumerate(halls.items()):
-        goal = stage.writer.triangles + stage.left // (len(halls) - done)
-        _Builder(stage, hall, goal, np.random.default_rng([seed, 12, hall.number])).build(
+        goal = draft.writer.triangles + draft.left // (len(halls) - done)
+        _Builder(draft, hall, goal, np.random.default_rng([seed, 12, hall.number])).build(
             north_end=(place[0], place[1] + 1) not in halls, east_end=(place[0] + 1, place[1]) not in halls
         )
-        stage.report()
-    stage.writer.end()
+        draft.report()
+    draft.writer.end()
 
 
-def _outside(stage: Stage) -> None:
+def _outside(draft: SceneDraft) -> None:
     """Two chimneys and three spherical gas tanks west of the halls."""
-    stage.writer.begin("outside")
+    draft.writer.begin("outside")
     for k, y in enumerate((6.0, 13.0)):
         high = 26.0 - 4.0 * k
         edges = np.linspace(0.0, high, 8)
@@ -173,21 +173,21 @@ def _outside(stage: Stage) -> None:
             lathe([[0.0, a], [1.5 - 0.02 * a, a], [1.5 - 0.02 * b, b], [0.0, b]], 32).moved(-9.0, y, -0.25)
             for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
         ]
-        stage.add(f"chimney {k + 1}", join([*shaft[:4], shaft[5]]), "light grey")
-        stage.add(f"chimney {k + 1} bands", join([shaft[4], shaft[6]]), "red")
+        draft.add(f"chimney {k + 1}", join([*shaft[:4], shaft[5]]), "light grey")
+        draft.add(f"chimney {k + 1} bands", join([shaft[4], shaft[6]]), "red")
     for k in range(3):
         at = np.array([-11.0, 24.0 + 9.5 * k, 4.25])
         angle = np.arange(8) * (np.pi / 4)
         foot = at + np.stack([3.3 * np.cos(angle), 3.3 * np.sin(angle), np.full(8, -4.5)], axis=1)
         legs = cylinders(foot, foot + vec(0, 0, 5.2), 0.16, 12)
         braces = cylinders(foot + vec(0, 0, 0.2), np.roll(foot, 1, axis=0) + vec(0, 0, 3.6), 0.04, 8)
-        stage.add(f"gas tank {k + 1}", sphere(3.5, 3).moved(*at.tolist()), "white")
-        stage.add(f"gas tank {k + 1} legs", join([legs, braces]), "steel")
+        draft.add(f"gas tank {k + 1}", sphere(3.5, 3).moved(*at.tolist()), "white")
+        draft.add(f"gas tank {k + 1} legs", join([legs, braces]), "steel")
         edge = np.linspace(0.0, 2 * np.pi, 11)
         edge[-1] = 0.0
         rail = at + np.stack([1.2 * np.cos(edge), 1.2 * np.sin(edge), np.full(11, 3.3)], axis=1)
-        stage.add(f"gas tank {k + 1} railing", equipment.handrail(rail), "yellow")
-    stage.writer.end()
+        draft.add(f"gas tank {k + 1} railing", equipment.handrail(rail), "yellow")
+    draft.writer.end()
 
 
 def _split(mesh: Mesh, count: int) -> list[Mesh]:
@@ -319,7 +319,7 @@ def _connections(ends: Floats, rack: int) -> list[Point]:
 class _Builder:
     """Makes one hall in its own coordinates, within a goal of triangles counted over the whole scene."""
 
-    stage: Stage
+    draft: SceneDraft
     hall: Hall
     goal: int
     rng: np.random.Generator
@@ -327,11 +327,11 @@ class _Builder:
     @property
     def left(self) -> int:
         """Triangles that may still be spent in this hall."""
-        return self.goal - self.stage.writer.triangles
+        return self.goal - self.draft.writer.triangles
 
     def build(self, north_end: bool, east_end: bool) -> None:
         """Everything in the hall; walls to the north and east only where no other hall follows."""
-        writer, name = self.stage.writer, self.hall.name
+        writer, name = self.draft.writer, self.hall.name
         share = self.left
         writer.begin(name, (self.hall.column * LENGTH, self.hall.row * DEPTH, 0.0))
         writer.begin(f"{name} structure")
@@ -357,7 +357,7 @@ class _Builder:
     # ------------------------------------------------------------------------------------------ structure
 
     def _walls(self, north_end: bool, east_end: bool) -> None:
-        hall, add, name = self.hall, self.stage.add, self.hall.name
+        hall, add, name = self.hall, self.draft.add, self.hall.name
         half = DOOR_WIDTH / 2
         high = HEIGHT + WALL
         outer = 3.5 if hall.yard else high  # a yard has low walls where it ends the plant
@@ -400,7 +400,7 @@ class _Builder:
         add(f"{name} roof lights", boxes(domes - vec(0.75, 1.25, 0.0), domes + vec(0.75, 1.25, 0.375)), "light grey")
         if self.left > 20_000:
             for k, x in enumerate((9.0, 18.0, 27.0)):
-                self.stage.put(f"{name} roof fan {k + 1}", "roof fan", (x, 9.0 + 6.0 * (k % 2), high))
+                self.draft.put(f"{name} roof fan {k + 1}", "roof fan", (x, 9.0 + 6.0 * (k % 2), high))
 
     def _lines_on_floor(self) -> None:
         """Yellow lines along the walkways."""
@@ -409,7 +409,7 @@ class _Builder:
         hi = [(x1, y + thin, 1 / 128) for y in (2.75, 10.5, 12.625, DEPTH - 2.5)] + [
             (x + thin, DEPTH - 2.5, 1 / 128) for x in (x0, x1 - thin)
         ]
-        self.stage.add(f"{self.hall.name} floor lines", boxes(lo, hi), "yellow")
+        self.draft.add(f"{self.hall.name} floor lines", boxes(lo, hi), "yellow")
 
     def _steel(self) -> None:
         if self.hall.yard:
@@ -423,9 +423,9 @@ class _Builder:
         ys = np.arange(2.0, DEPTH - 1, 2.5)
         start = np.stack([np.full_like(ys, WALL), ys, np.full_like(ys, HEIGHT - 0.13)], axis=1)
         purlins = beams(start, start + vec(LENGTH - WALL, 0, 0), i_profile(0.14, 0.25))
-        self.stage.add(f"{self.hall.name} columns", join([columns, pads]), "steel")
-        self.stage.add(f"{self.hall.name} girders", girders, "steel")
-        self.stage.add(f"{self.hall.name} purlins", purlins, "steel")
+        self.draft.add(f"{self.hall.name} columns", join([columns, pads]), "steel")
+        self.draft.add(f"{self.hall.name} girders", girders, "steel")
+        self.draft.add(f"{self.hall.name} purlins", purlins, "steel")
 
     def _rack(self, rack: int, y: float) -> None:
         name = f"{self.hall.name} rack {rack + 1}"
@@ -439,7 +439,7 @@ class _Builder:
             [[FRAMES[0], y + side * (RACK_HALF + 0.1), z - 0.25] for side in (-1, 1) for z in heights[::2]]
         )
         along = beams(start, start + vec(FRAMES[-1] - FRAMES[0], 0, 0), i_profile(0.12, 0.16))
-        self.stage.add(f"{name} frames", join([columns, across, along]), "steel")
+        self.draft.add(f"{name} frames", join([columns, across, along]), "steel")
 
     # ------------------------------------------------------------------------------------------ equipment
 
@@ -447,7 +447,7 @@ class _Builder:
         """Vertical tanks in the southern strip; (k, 4): x, y, top, radius."""
         found: list[tuple[float, float, float, float]] = []
         name, rng = self.hall.name, self.rng
-        self.stage.writer.begin(f"{name} tanks")
+        self.draft.writer.begin(f"{name} tanks")
         x = 4.0
         while True:
             radius = float(np.round(rng.uniform(0.8, 1.6), 2))
@@ -460,24 +460,24 @@ class _Builder:
             body = equipment.tank(radius, high, 40).moved(*centre.tolist())
             zs = np.array([1.4, high * 0.45, high * 0.7])
             spouts = equipment.nozzles(centre, radius, zs, np.array([90.0, -90.0, 200.0]), 0.09)
-            self.stage.add(label, join([body, spouts]), str(rng.choice(["insulation", "light grey", "cream", "white"])))
+            self.draft.add(label, join([body, spouts]), str(rng.choice(["insulation", "light grey", "cream", "white"])))
             foot = centre + vec(0.0, -radius - 0.22, 0.0)
-            self.stage.add(f"{label} ladder", equipment.ladder(foot, high - radius / 2, 90.0), "yellow")
+            self.draft.add(f"{label} ladder", equipment.ladder(foot, high - radius / 2, 90.0), "yellow")
             for floor in np.arange(5.0, high - radius / 2 - 0.5, 4.0).tolist():
                 if self.left > 0.5 * share:
                     grating, railing = equipment.gallery(centre, radius, floor)
-                    self.stage.add(f"{label} gallery {floor:g}", grating, "galvanised")
-                    self.stage.add(f"{label} gallery {floor:g} railing", railing, "yellow")
+                    self.draft.add(f"{label} gallery {floor:g}", grating, "galvanised")
+                    self.draft.add(f"{label} gallery {floor:g} railing", railing, "yellow")
             found.append((x + radius, TANKS_Y, high, radius))
             x += 2 * radius + float(np.round(rng.uniform(0.8, 2.4), 2))
-        self.stage.writer.end()
+        self.draft.writer.end()
         return np.array(found, np.float64).reshape(-1, 4)
 
     def _vessels(self, share: int) -> Floats:
         """Horizontal vessels in the northern strip; (k, 4): x, y, top, usable half length."""
         found: list[tuple[float, float, float, float]] = []
         name, rng = self.hall.name, self.rng
-        self.stage.writer.begin(f"{name} vessels")
+        self.draft.writer.begin(f"{name} vessels")
         x = 11.0
         while True:
             radius, long = float(np.round(rng.uniform(0.6, 1.0), 2)), float(np.round(rng.uniform(3.0, 5.5), 2))
@@ -486,27 +486,27 @@ class _Builder:
             label = f"{name} vessel {len(found) + 1}"
             shell, saddles = equipment.vessel(radius, long, 36)
             middle = x + radius / 2 + long / 2
-            self.stage.add(
+            self.draft.add(
                 label, shell.moved(middle, VESSELS_Y, 0.0), str(rng.choice(["insulation", "teal", "light grey"]))
             )
-            self.stage.add(f"{label} saddles", saddles.moved(middle, VESSELS_Y, 0.0), "dark concrete")
+            self.draft.add(f"{label} saddles", saddles.moved(middle, VESSELS_Y, 0.0), "dark concrete")
             found.append((middle, VESSELS_Y, 2 * radius + 0.45, long / 2 - 0.2))
             x += long + radius + float(np.round(rng.uniform(0.8, 2.0), 2))
-        self.stage.writer.end()
+        self.draft.writer.end()
         return np.array(found, np.float64).reshape(-1, 4)
 
     def _platform(self) -> None:
         """A grating floor over the vessels with railings, on columns, and a stair up to it."""
         name = f"{self.hall.name} platform"
-        panel = self.stage.cost("grating")
+        panel = self.draft.cost("grating")
         rows, y0 = 4, 16.75
         columns = int(np.clip(0.16 * self.left / panel / rows, 4, 22))
         x0, x1 = 10.0, 10.0 + columns
         if self.left < panel * rows * columns + 4000:
             return
-        self.stage.writer.begin(name)
+        self.draft.writer.begin(name)
         for k in range(rows * columns):
-            self.stage.put(f"{name} grating {k + 1}", "grating", (x0 + k % columns, y0 + k // columns, PLATFORM))
+            self.draft.put(f"{name} grating {k + 1}", "grating", (x0 + k % columns, y0 + k // columns, PLATFORM))
         posts = np.array(
             [
                 [x, y, 0.0]
@@ -519,7 +519,7 @@ class _Builder:
         long = beams(start, start + vec(x1 - x0, 0, 0), i_profile(0.12, 0.2))
         start = np.array([[x, y0, PLATFORM - 0.135] for x in np.arange(x0 + 0.1, x1, 2.0)])
         short = beams(start, start + vec(0, rows, 0), i_profile(0.1, 0.18))
-        self.stage.add(f"{name} steel", join([columns_mesh, long, short]), "steel")
+        self.draft.add(f"{name} steel", join([columns_mesh, long, short]), "steel")
         corners = np.array(
             [
                 [x0, y0 + 1.1, PLATFORM],
@@ -530,17 +530,17 @@ class _Builder:
                 [x0, y0 + 2.4, PLATFORM],
             ]
         )
-        self.stage.add(f"{name} railing", equipment.handrail(corners), "yellow")
+        self.draft.add(f"{name} railing", equipment.handrail(corners), "yellow")
         treads, rails = equipment.stairs(np.array([x0 - 5.5, y0 + 1.75, 0.0]), 5.5, PLATFORM, 0.9, 20)
-        self.stage.add(f"{name} stairs", treads, "galvanised")
-        self.stage.add(f"{name} stair railings", rails, "yellow")
-        self.stage.writer.end()
+        self.draft.add(f"{name} stairs", treads, "galvanised")
+        self.draft.add(f"{name} stair railings", rails, "yellow")
+        self.draft.writer.end()
 
     # ---------------------------------------------------------------------------------------------- pipes
 
     def _lines(self, rack: int, y: float, budget: int, ends: Floats) -> None:
         """Pipe lines on the rack's lanes, the lower levels first, as far as `budget` triangles go."""
-        rng, stage = self.rng, self.stage
+        rng, draft = self.rng, self.draft
         lanes = [(level, lane) for level in range(len(LEVELS)) for lane in range(len(LANES))]
         order = np.argsort([level + 1.6 * rng.uniform() for level, _ in lanes], kind="stable")
         slots = np.arange(4.5, 32.0, 0.4)
@@ -573,7 +573,7 @@ class _Builder:
                 free.pop()
             sides = 12 if radius < 0.06 else 16
             cost = tube_triangles(len(line.route), sides, BEND_STEPS) + sum(
-                stage.cost(each.thing) for each in line.fittings
+                draft.cost(each.thing) for each in line.fittings
             )
             if cost > budget:
                 break
@@ -584,23 +584,23 @@ class _Builder:
             routes = np.array([line.route for line in lines])
             made = tubes(routes, np.array([line.radius for line in lines]), BEND, sides, BEND_STEPS)
             for line, mesh in zip(lines, _split(made, len(lines)), strict=True):
-                stage.add(line.name, mesh, PAINTS[int(rng.integers(0, len(PAINTS)))])
+                draft.add(line.name, mesh, PAINTS[int(rng.integers(0, len(PAINTS)))])
         for each in fittings:
-            stage.put(each.name, each.thing, each.at, each.turn, each.scale)
+            draft.put(each.name, each.thing, each.at, each.turn, each.scale)
 
     # ------------------------------------------------------------------------------------------- the rest
 
     def _fittings(self) -> None:
         """Lamps, switch cabinets and cable ladders, as far as the triangles go."""
-        stage, name, rng = self.stage, self.hall.name, self.rng
+        draft, name, rng = self.draft, self.hall.name, self.rng
         if not self.hall.yard:
             for k in range(10):
-                if self.left > stage.cost("hall lamp") + 1000:
+                if self.left > draft.cost("hall lamp") + 1000:
                     at = (4.5 + 6.6 * (k % 5), 3.0 if k < 5 else MIDDLE_AISLE, HEIGHT - 0.78)
-                    stage.put(f"{name} lamp {k + 1}", "hall lamp", at)
+                    draft.put(f"{name} lamp {k + 1}", "hall lamp", at)
         for k in range(6):
-            if self.left > stage.cost("switch cabinet") + 1000:
-                stage.put(
+            if self.left > draft.cost("switch cabinet") + 1000:
+                draft.put(
                     f"{name} switch cabinet {k + 1}", "switch cabinet", (5.0 + 1.65 * k, 16.7, 0.0), turn_z(180.0)
                 )
         for rack, y in enumerate(RACKS):
@@ -610,8 +610,8 @@ class _Builder:
                 offsets = np.arange(6) * 0.07 - 0.175
                 cables = np.stack([offsets, rng.uniform(0.012, 0.03, 6)], axis=1)
                 ladder, wires = equipment.tray(3.4, LENGTH - 3.4, y - 0.5 + k, LEVELS[-1] + 1.0, 0.5, cables)
-                stage.add(f"{name} rack {rack + 1} cable ladder {k + 1}", ladder, "galvanised")
-                stage.add(f"{name} rack {rack + 1} cables {k + 1}", wires, "black")
+                draft.add(f"{name} rack {rack + 1} cable ladder {k + 1}", ladder, "galvanised")
+                draft.add(f"{name} rack {rack + 1} cables {k + 1}", wires, "black")
 
     def _conduits(self) -> None:
         """Small pipes high on the walls with drops, in groups of twelve: what is left of the triangles."""
@@ -632,7 +632,7 @@ class _Builder:
         parts = _split(tubes(route, np.full(count, 0.016), 3.0, 8, 4), count)
         for first in range(0, count, 12):
             mesh = join(parts[first : first + 12])
-            self.stage.add(f"{self.hall.name} conduits {first // 12 + 1}", mesh, "galvanised")
+            self.draft.add(f"{self.hall.name} conduits {first // 12 + 1}", mesh, "galvanised")
 
 
 SCENE = SceneKind(build, walk, equipment.RECIPES)

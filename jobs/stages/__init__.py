@@ -3,7 +3,7 @@ with the memory that they may need, and its work, which runs in worker processes
 
 Read in this order, in which `jobs.pipeline` lists them:
 
-    common/        what stages share
+    support/       what stages stand on: what the build has so far, keys, levels and geometry as written
     import_model   model files to parts
     pieces         parts to pieces, no larger than objects may be
     hierarchy      pieces to objects, and the trees above them
@@ -16,5 +16,6 @@ Read in this order, in which `jobs.pipeline` lists them:
 
 A work is a `jobs.running.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's
 shards, and returns a small record. Stages name each other as modules, for their tasks; what reads another's result is
-imported by its name, and counts as the reader's own code.
+imported by its name, and counts as the reader's own code. What a stage's keys hash, its `code`, stands in
+`support.code` where stages share it; that of a new stage may stand in its own file.
 """

@@ -15,9 +15,9 @@ from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, TaskResult, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import import_model, tables
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
-from jobs.stages.common.written_geometry import open_written
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
+from jobs.stages.support.written_geometry import open_written
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:

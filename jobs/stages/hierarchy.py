@@ -14,9 +14,9 @@ from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
 from jobs.running.workplace import Workplace
 from jobs.stages import import_model, pieces
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
 from jobs.stages.import_model import imported_model
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
 
 STAGE = Stage(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from jobs.importing.inputs import content_of
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.running.workplace import Workplace
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:

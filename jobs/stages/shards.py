@@ -13,9 +13,10 @@ from jobs.running.arrays import mapped_array
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.stages import cells, layout
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
+from storage.cells.codecs import CODECS
 
 if TYPE_CHECKING:
     from storage.shards.sections import CellShardRecord
@@ -42,7 +43,7 @@ class Payload:
     shard: int  # its number
     needs: tuple[int, ...]  # numbers of the shards whose cells are looked at, its own among them
     contents: tuple[str, ...]  # of their cells
-    codec: str  # the name of the code that it is written in
+    codec: str  # the name of the codec that it is written in
 
 
 @dataclass(frozen=True)
@@ -77,10 +78,8 @@ def _shards(state: BuildState) -> Iterator[Task]:
 
 
 def _code_of(codec: str) -> tuple[str, ...]:
-    """The modules of a code: a new one beside it throws no finished shard away."""
-    from storage.cells.codecs import codec_named
-
-    return code.with_imports(type(codec_named(codec)).__module__, "storage.cells.codecs")
+    """The modules of a codec: a new one beside it throws no finished shard away."""
+    return code.with_imports(CODECS[codec], "storage.cells.codecs")
 
 
 def write_cells(work: Assignment) -> dict[str, Any]:

@@ -14,12 +14,12 @@ from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.running.workplace import Workplace
 from jobs.stages import hierarchy, import_model, pieces
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
-from jobs.stages.common.written_nodes import MadeNode, crease_cosine, write_nodes
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
 from jobs.stages.pieces import found_pieces
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
+from jobs.stages.support.written_nodes import MadeNode, crease_cosine, write_nodes
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:

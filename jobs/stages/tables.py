@@ -11,11 +11,11 @@ import numpy as np
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_key
 from jobs.stages import hierarchy, import_model, nodes, shared
-from jobs.stages.common import code
-from jobs.stages.common.build_state import BuildState, Tasks
-from jobs.stages.common.written_geometry import SECTION
 from jobs.stages.hierarchy import Shapes
 from jobs.stages.import_model import imported_model
+from jobs.stages.support import code
+from jobs.stages.support.build_state import BuildState, Tasks
+from jobs.stages.support.written_geometry import SECTION
 from storage.base.typed_json import to_json
 
 STAGE = Stage(

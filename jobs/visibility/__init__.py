@@ -8,8 +8,8 @@ Read in this order, each room on those before it:
     proof/     what is seen beyond doubt: item buffers and aimed rays
     shafts/    what images leave undecided: shafts between parts of the cell and parts of what is looked at
     shrunk/    to compare with, the vLOD paper's own method
-    methods    the names of both ways to find what is hidden
+    settings   the ways to find what is hidden, and how hard the engine tries
     engine     one cell, from a cut to its visible ids and how much of that is proven
 
-Only `engine`, `methods` and `surfaces.soup` are for others; the rest are kernels: pure functions from arrays to arrays.
+`engine`, `settings` and `surfaces.soup` are for others; all else are kernels: pure functions from arrays to arrays.
 """

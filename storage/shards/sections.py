@@ -59,7 +59,7 @@ class CellShardRecord(ShardRecord):
     """A finished shard of cells."""
 
     cells: int  # how many; they are numbered on from those of the shard before it
-    codec: str  # the code of its sets and changes: storage.cells.codecs
+    codec: str  # the codec of its sets and changes: storage.cells.codecs
 
 
 @dataclass(frozen=True)

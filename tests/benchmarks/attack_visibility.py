@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jobs.visibility.methods import METHODS
+from jobs.visibility.settings import METHODS
 from tests.jobs.visibility.nasty import misses, nasty_scene
 
 

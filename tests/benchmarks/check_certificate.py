@@ -25,7 +25,8 @@ from pathlib import Path
 import numpy as np
 
 from jobs.checking.oracle import examine, surface_points
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from tests.benchmarks.measure_visibility import Case
 
 #: Rays of one portion, and of one try at a drawable that is proven but not confirmed yet.

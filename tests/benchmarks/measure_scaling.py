@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from jobs.scenes import offices
-from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import QUALITIES, EngineSettings
 from tests.benchmarks.measure_visibility import Case
 
 

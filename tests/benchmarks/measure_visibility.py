@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from jobs.checking.oracle import Oracle, examine
-from jobs.visibility.engine import QUALITIES, Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import QUALITIES, EngineSettings
 from jobs.visibility.surfaces.soup import build_soup
 from storage.geometry_reader import Geometry
 from storage.model.cut import cut_within

@@ -17,9 +17,9 @@ from jobs.running.run import Run
 from jobs.running.tasks import Task, TaskResult
 from jobs.running.workplace import Workplace
 from jobs.stages import import_model, tables
-from jobs.stages.common.build_state import BuildState, StageFile
-from jobs.stages.common.written_geometry import open_written
 from jobs.stages.import_model import imported_model
+from jobs.stages.support.build_state import BuildState, StageFile
+from jobs.stages.support.written_geometry import open_written
 from storage.base.progress import Silent
 from storage.geometry_reader import Geometry
 from storage.meshes.placement import transform_points

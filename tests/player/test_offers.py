@@ -102,13 +102,14 @@ def test_toys_are_in_options_keys_and_help(room: Store, tmp_path: Path) -> None:
         assert name in told
         assert shows in " ".join(told.split())
     rows = dict(help_rows(key_table()))
-    assert rows["1  2  3  4"] == "strategy: vlod, frustum, none, largest"
-    assert rows["G"] == "fly or walk or crawl"
+    keys = range(1, len(strategies.STRATEGIES) + 1)
+    assert rows["  ".join(map(str, keys))] == f"strategy: {', '.join(names(strategies.STRATEGIES))}"
+    assert rows["G"] == " or ".join(names(steering.STEERINGS))
     assert "red" in rows["C"]
     asked: list[str] = []
     for row in key_table():
-        if "NUMBER_4" in row.actions:
-            row.actions["NUMBER_4"](SimpleNamespace(use_strategy=asked.append))  # type: ignore[arg-type]
+        if f"NUMBER_{keys[-1]}" in row.actions:
+            row.actions[f"NUMBER_{keys[-1]}"](SimpleNamespace(use_strategy=asked.append))  # type: ignore[arg-type]
     assert asked == ["largest"]
     path = tmp_path / "p.json"
     arguments = [str(store_path(room)), "--tour", "standstill", "--frames", "3", "-o", str(path)]

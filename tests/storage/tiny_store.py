@@ -172,7 +172,7 @@ def make_store(
     depth: all cells of the octree at that depth, in Morton order; keys: these cells instead (a leaf set in Morton
     order); visible(geometry, cell, cut): the vLOD of a CELL row, sorted ids out of its cut; uncomputed: numbers of
     cells that are listed but were not computed; raised: cells with a pixel error of
-    their own; cells_per_shard: cells in each cell shard; codecs: the codes of the shards, by turns.
+    their own; cells_per_shard: cells in each cell shard; codecs: the codecs of the shards, by turns.
     """
     section, octree, model = make_geometry(root, parts)
     angle = pixel_angle(screen_height, field_of_view)

@@ -4,7 +4,7 @@ Read in this order:
 
     solids        closed shapes as arrays
     glb           binary glTF, written while a scene is being made
-    stage         palette, stock, and a budget of triangles; how a kind of scene is made
+    draft         a scene in the making: palette, stock, a budget of triangles
     furnishings   the stock of rooms
     equipment     the stock of plants
     street        the stock of streets and roofs

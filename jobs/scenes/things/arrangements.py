@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jobs.scenes.things.draft import Point
 from jobs.scenes.things.rooms import CLEAR, DOOR_WIDTH, STRIP, Room
 from jobs.scenes.things.solids import turn_z
-from jobs.scenes.things.stage import Point
 
 
 @dataclass(frozen=True)

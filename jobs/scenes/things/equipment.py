@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.scenes.things.draft import Recipe
 from jobs.scenes.things.furnishings import Pairs, blocks
 from jobs.scenes.things.solids import (
     Floats,
@@ -21,7 +22,6 @@ from jobs.scenes.things.solids import (
     turned_boxes,
     vec,
 )
-from jobs.scenes.things.stage import Recipe
 
 X_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # turns z to x, x to y, y to z
 

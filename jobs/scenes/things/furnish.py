@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jobs.scenes.things.arrangements import Item, room_items
+from jobs.scenes.things.draft import SceneDraft
 from jobs.scenes.things.furnishings import BOOK_CAPACITY, BOOK_VARIANTS, books
 from jobs.scenes.things.rooms import Room
 from jobs.scenes.things.solids import turn_z
-from jobs.scenes.things.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -24,18 +24,18 @@ class Plan:
     costs: tuple[int, ...]  # triangles of each item
 
     @classmethod
-    def of(cls, stage: Stage, rooms: tuple[Room, ...]) -> Plan:
+    def of(cls, draft: SceneDraft, rooms: tuple[Room, ...]) -> Plan:
         """The plan for `rooms`; it serves any number of storeys."""
         items = tuple(item for room in rooms for item in room_items(room))
         priorities = np.array([item.priority for item in items])
-        return cls(rooms, items, priorities, tuple(stage.cost(item.thing) for item in items))
+        return cls(rooms, items, priorities, tuple(draft.cost(item.thing) for item in items))
 
 
-def furnish(stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, name: str) -> None:
+def furnish(draft: SceneDraft, goal: int, plan: Plan, rng: np.random.Generator, name: str) -> None:
     """Furnish the rooms up to `goal` triangles (of the scene); books fill what is left."""
     rooms, items = plan.rooms, plan.items
     order = np.argsort(plan.priorities + rng.uniform(size=len(items))).tolist()
-    left = goal - stage.writer.triangles
+    left = goal - draft.writer.triangles
     chosen: list[int] = []
     shelves: dict[int, int] = {}  # item to the variant of books on it
     spare = 0 if left < 4000 else 12 * BOOK_CAPACITY
@@ -45,9 +45,9 @@ def furnish(stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, name:
             continue
         if items[k].thing == "shelf":
             variant = int(rng.integers(0, BOOK_VARIANTS))
-            if cost + stage.cost(f"books {variant}") > left - spare:
+            if cost + draft.cost(f"books {variant}") > left - spare:
                 continue
-            cost += stage.cost(f"books {variant}")
+            cost += draft.cost(f"books {variant}")
             shelves[k] = variant
         left -= cost
         chosen.append(k)
@@ -57,14 +57,14 @@ def furnish(stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, name:
         if extra < 1:
             break
         if k in shelves:
-            owned = stage.cost(f"books {shelves[k]}") // 12
+            owned = draft.cost(f"books {shelves[k]}") // 12
             if owned == BOOK_CAPACITY and extra < 8:
                 continue
             fresh[k] = min(BOOK_CAPACITY, owned + extra)
             left -= 12 * (fresh[k] - owned)
             del shelves[k]
-        elif stage.cost("shelf") + 12 <= left:
-            left -= stage.cost("shelf")
+        elif draft.cost("shelf") + 12 <= left:
+            left -= draft.cost("shelf")
             fresh[k] = min(BOOK_CAPACITY, left // 12)
             left -= 12 * fresh[k]
             chosen.append(k)
@@ -72,15 +72,15 @@ def furnish(stage: Stage, goal: int, plan: Plan, rng: np.random.Generator, name:
     for k in sorted(chosen):
         by_room[items[k].room].append(k)
     for room in rooms:
-        stage.writer.begin(f"{name} room {room.number} ({room.kind})")
+        draft.writer.begin(f"{name} room {room.number} ({room.kind})")
         for k in by_room[room.number]:
             item = items[k]
             label = f"{name} room {room.number} {item.thing} {k}"
             turn = turn_z(item.degrees)
-            stage.put(label, item.thing, item.at, turn)
+            draft.put(label, item.thing, item.at, turn)
             if k in shelves:
-                stage.put(f"{label} books", f"books {shelves[k]}", item.at, turn)
+                draft.put(f"{label} books", f"books {shelves[k]}", item.at, turn)
             elif k in fresh:
-                pairs = [(mesh, stage.material(material)) for mesh, material in books(fresh[k], rng)]
-                stage.writer.place(f"{label} books", stage.writer.mesh(f"{label} books", pairs), item.at, turn)
-        stage.writer.end()
+                pairs = [(mesh, draft.material(material)) for mesh, material in books(fresh[k], rng)]
+                draft.writer.place(f"{label} books", draft.writer.mesh(f"{label} books", pairs), item.at, turn)
+        draft.writer.end()

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from jobs.scenes.things.draft import Recipe
 from jobs.scenes.things.solids import (
     Mesh,
     beams,
@@ -20,7 +21,6 @@ from jobs.scenes.things.solids import (
     turn_z,
     turned_boxes,
 )
-from jobs.scenes.things.stage import Recipe
 
 Pairs = list[tuple[Mesh, str]]
 

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from jobs.scenes.things.draft import Recipe
 from jobs.scenes.things.furnishings import Pairs, blocks
 from jobs.scenes.things.solids import Mesh, blob, boxes, cylinders, frames_along, join, lathe, prisms, tubes, vec
-from jobs.scenes.things.stage import Recipe
 
 _ACROSS = np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]])  # outlines in x and z, pushed along -y
 

@@ -126,8 +126,9 @@ def build_soup(
         drawable_hi[full] = np.maximum.reduceat(cluster_hi, drawable_clusters[full], axis=0)
     return Soup(
         drawables=ids,
-        one_sided=np.asarray(one_sided, np.bool_),
-        see_through=np.asarray(see_through, np.bool_),
+        # Columns of a table are strided, but not those of a table of one row: kernels would be compiled for both.
+        one_sided=np.ascontiguousarray(one_sided, np.bool_),
+        see_through=np.ascontiguousarray(see_through, np.bool_),
         drawable_lo=drawable_lo,
         drawable_hi=drawable_hi,
         drawable_clusters=drawable_clusters,

@@ -1,29 +1,26 @@
-"""Codecs for lists of drawable ids: one file a code, all behind `Codec`.
+"""Codecs for lists of drawable ids: one file each, all behind `Codec`.
 
 Read in this order:
     gap_varint   gaps between ids, as
     varint       numbers of one to five bytes
 
-A new code is a module with its `CODEC`, and a line in MODULES.
+A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from storage.base.errors import StoreFormatError
-from storage.cells.deltas import Ids
+
+if TYPE_CHECKING:
+    from storage.cells.deltas import Ids
 
 
 class Codec(Protocol):
     """Turns lists of ids into bytes and back."""
-
-    @property
-    def name(self) -> str:
-        """What stores call this code."""
-        ...
 
     @property
     def block_ids(self) -> int:
@@ -39,22 +36,18 @@ class Codec(Protocol):
         ...
 
 
-#: Where the codes are: each module has its `CODEC`.
-MODULES = ("storage.cells.codecs.gap_varint",)
+#: What stores call each codec, and the module that has its `CODEC`.
+CODECS = {
+    "gap-varint-zstd": "storage.cells.codecs.gap_varint",
+}
 
-#: The code that new stores are written with.
+#: The codec that new stores are written with.
 DEFAULT = "gap-varint-zstd"
-
-
-def codecs() -> dict[str, Codec]:
-    """All codes by their names."""
-    found: list[Codec] = [importlib.import_module(module).CODEC for module in MODULES]
-    return {codec.name: codec for codec in found}
 
 
 def codec_named(name: str) -> Codec:
     """The codec of that name. Raises StoreFormatError for an unknown one."""
-    known = codecs()
-    if name not in known:
-        raise StoreFormatError(f"the store uses the code {name!r}; this vLOD knows {', '.join(sorted(known))}")
-    return known[name]
+    if name not in CODECS:
+        raise StoreFormatError(f"the store uses the codec {name!r}; this vLOD knows {', '.join(CODECS)}")
+    codec: Codec = importlib.import_module(CODECS[name]).CODEC
+    return codec

@@ -26,7 +26,6 @@ LARGEST_BLOCK = 1 << 30
 class GapVarint:
     """Gap coding, LEB128, zstd."""
 
-    name = "gap-varint-zstd"
     block_ids = 1 << 12
 
     def encode(self, lists: Sequence[NDArray[np.uint32]]) -> bytes:

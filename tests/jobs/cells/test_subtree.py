@@ -13,11 +13,10 @@ from jobs.cells.gather import gather
 from jobs.cells.needs import triangles_needed
 from jobs.cells.parameters import CellParameters, Visibility
 from jobs.cells.subtree import compute_subtree
-from jobs.options.visibility import QUALITY_NAMES
 from jobs.parameters import BuildParameters, view_space
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
-from jobs.visibility.engine import QUALITIES, EngineSettings
+from jobs.visibility.settings import QUALITIES, EngineSettings
 from storage import open_store
 from storage.base.typed_json import from_json, to_json
 from storage.cells import octree
@@ -122,8 +121,7 @@ def test_what_stands_behind_glass_is_in_the_cell(tmp_path, monkeypatch, alpha):
             assert result.ids[first:end].tolist() == ([0, 1, 2] if alpha < 255 else [1])
 
 
-def test_qualities_are_the_names_that_parameters_know():
-    assert tuple(QUALITIES) == QUALITY_NAMES
+def test_the_usual_quality_is_the_engines_usual_settings():
     assert QUALITIES["normal"] == EngineSettings()
     assert BuildParameters().quality == "normal"
 

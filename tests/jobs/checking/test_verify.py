@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from jobs.checking.report import MOST_SPELLED, Problems, VerifyReport
+from jobs.checking.findings import MOST_SPELLED, Problems, VerifyReport
 from jobs.checking.verify import verify
 from storage.base.errors import CURE, StoreUnreachableError
 from storage.base.progress import Silent

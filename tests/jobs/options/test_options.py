@@ -10,17 +10,18 @@ import click
 import pytest
 
 from jobs.commands import build
-from jobs.options import model_files, objects, running, screen, splitting, stored, view_space, visibility
-from jobs.parameters import GROUPS, BuildParameters
+from jobs.options import objects, running
+from jobs.options.groups import GROUPS, SECTIONS
+from jobs.parameters import BuildParameters
 from storage.base.errors import ParameterError
 from storage.cells.codecs import DEFAULT
 
-MODULES = (view_space, splitting, visibility, screen, objects, model_files, stored)
 
-
-@pytest.mark.parametrize(("module", "group"), list(zip(MODULES, GROUPS, strict=True)), ids=lambda value: value.__name__)
-def test_a_group_has_an_option_for_each_of_its_parameters(module, group):
-    options = {option.name for option in module.SECTION.options}
+@pytest.mark.parametrize(
+    ("section", "group"), list(zip(SECTIONS, GROUPS, strict=True)), ids=[each.title for each in SECTIONS]
+)
+def test_a_group_has_an_option_for_each_of_its_parameters(section, group):
+    options = {option.name for option in section.options}
     assert options - {"objects"} == {field.name for field in dataclasses.fields(group)}
 
 
@@ -32,7 +33,7 @@ def test_options_that_are_not_given_are_the_parameters_that_are_not_given():
 
 
 def test_all_groups_are_in_the_command_and_in_the_parameters():
-    own = {option.name for module in (*MODULES, running) for option in module.SECTION.options}
+    own = {option.name for section in (*SECTIONS, running.SECTION) for option in section.options}
     assert {param.name for param in build.params if isinstance(param, click.Option)} == own
     assert {field.name for field in dataclasses.fields(BuildParameters)} == {
         field.name for group in GROUPS for field in dataclasses.fields(group)
@@ -77,6 +78,6 @@ def test_help_has_a_section_for_each_group_and_needs_nothing_heavy():
     text = subprocess.run([sys.executable, "-c", said], check=True, capture_output=True, text=True).stdout
     lines = text.splitlines()
     sections = [line[:-1] for line in lines if line.endswith(":") and not line.startswith((" ", "Usage"))]
-    assert sections == [module.SECTION.title for module in (*MODULES, running)] + ["Other"]
+    assert sections == [section.title for section in (*SECTIONS, running.SECTION)] + ["Other"]
     assert "--help" in text
     assert {"numpy", "numba", "ray"}.isdisjoint(lines[-1].split())

@@ -137,7 +137,7 @@ def test_no_wall_on_the_tour_and_room_at_the_viewpoints(kind: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("kind", "triangles", "seed", "name", "words"),
     [
-        ("castle", 100_000, 1, "a.glb", "city, offices, plant, services"),
+        ("castle", 100_000, 1, "a.glb", ", ".join(KINDS)),
         ("plant", 100, 1, "a.glb", "20,000"),
         ("plant", 10**10, 1, "a.glb", "200,000,000"),
         ("plant", 100_000, -1, "a.glb", "seed"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from jobs.scenes.things.draft import EYE_HEIGHT, SceneDraft, SceneKind, Walk
 from jobs.scenes.things.solids import boxes
-from jobs.scenes.things.stage import EYE_HEIGHT, SceneKind, Stage, Walk
 
 
 def walk(_triangles: int, _seed: int) -> Walk:
@@ -13,10 +13,10 @@ def walk(_triangles: int, _seed: int) -> Walk:
     return Walk(points, points)
 
 
-def build(stage: Stage, triangles: int, _seed: int) -> None:
+def build(draft: SceneDraft, triangles: int, _seed: int) -> None:
     for number in range(triangles // 12):
         x, y = divmod(number, 100)
-        stage.put(f"box {number}", "box", (float(x), float(y), 0.0))
+        draft.put(f"box {number}", "box", (float(x), float(y), 0.0))
 
 
 SCENE = SceneKind(build, walk, {"box": lambda: [(boxes([[0.0, 0.0, 0.0]], [[0.5, 0.5, 0.5]]), "brick")]})

@@ -1,4 +1,4 @@
-"""A stage and a code are added by a file each, and a line in a list."""
+"""A stage and a codec are added by a file each, and a line in a list."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ def test_what_a_new_stage_needs_is_asked_before_it_begins(model, tmp_path, monke
         build([model], tmp_path / "store", PARAMETERS, SerialExecutor(), memory=1000)  # all else is finished
 
 
-def test_a_code_is_a_file_and_a_line(model, tmp_path, monkeypatch):
+def test_a_codec_is_a_file_and_a_line(model, tmp_path, monkeypatch):
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     usual = open_store(tmp_path / "store")
-    with pytest.raises(ParameterError, match="must be gap-varint-zstd, not 'toy'"):
-        dataclasses.replace(PARAMETERS, codec=toy_codec.NAME)
-    monkeypatch.setattr(codecs, "MODULES", (*codecs.MODULES, toy_codec.__name__))
-    # a code that is known and not used throws nothing away
+    with pytest.raises(ParameterError, match=f"^--codec must be {' or '.join(codecs.CODECS)}, not 'toy'"):
+        dataclasses.replace(PARAMETERS, codec="toy")
+    monkeypatch.setitem(codecs.CODECS, "toy", toy_codec.__name__)
+    # a codec that is known and not used throws nothing away
     assert build([model], tmp_path / "store", PARAMETERS, SerialExecutor()).tasks_run == 0
-    toy = dataclasses.replace(PARAMETERS, codec=toy_codec.NAME)
+    toy = dataclasses.replace(PARAMETERS, codec="toy")
     report = build([model], tmp_path / "store", toy, SerialExecutor())
     assert {stage.name for stage in report.stages if stage.run} == {"shards"}
     found = open_store(tmp_path / "store")
@@ -75,9 +75,9 @@ def test_a_code_is_a_file_and_a_line(model, tmp_path, monkeypatch):
     assert list(found.check()) == []
 
 
-def test_a_shard_is_keyed_by_the_code_that_it_is_written_in_and_no_other(monkeypatch):
+def test_a_shard_is_keyed_by_the_codec_that_it_is_written_in_and_no_other(monkeypatch):
     rooms = ("storage.cells.codecs.gap_varint", "storage.cells.codecs.varint")
     assert shards._code_of(codecs.DEFAULT) == rooms
-    monkeypatch.setattr(codecs, "MODULES", (*codecs.MODULES, toy_codec.__name__))
+    monkeypatch.setitem(codecs.CODECS, "toy", toy_codec.__name__)
     assert shards._code_of(codecs.DEFAULT) == rooms
-    assert shards._code_of(toy_codec.NAME) == (toy_codec.__name__,)
+    assert shards._code_of("toy") == (toy_codec.__name__,)

@@ -8,7 +8,7 @@ import pytest
 
 from jobs.pipeline import STAGES
 from jobs.running.tasks import _sources
-from jobs.stages.common.code import with_imports
+from jobs.stages.support.code import with_imports
 
 ROOT = Path(__file__).parents[3]
 

@@ -1,16 +1,13 @@
-"""A code of ids that no store is written in: numbers one after the other, four bytes each."""
+"""A codec of ids that no store is written in: numbers one after the other, four bytes each."""
 
 from __future__ import annotations
 
 import numpy as np
 
-NAME = "toy"
-
 
 class Plain:
     """Lengths of the lists, then the ids."""
 
-    name = NAME
     block_ids = 64
 
     def encode(self, lists):

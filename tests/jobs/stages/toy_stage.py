@@ -10,7 +10,7 @@ import numpy as np
 from jobs.running.arrays import save_array
 from jobs.running.tasks import Assignment, Stage, Task
 from jobs.stages import cells
-from jobs.stages.common.build_state import BuildState, Tasks
+from jobs.stages.support.build_state import BuildState, Tasks
 from storage.base.typed_json import to_json
 
 STAGE = Stage("toy", "tests.jobs.stages.toy_stage:share", ("tests.jobs.stages.toy_stage",), cure="look away")

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jobs.checking.oracle import Oracle, Sight, examine, surface_points
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from tests.jobs.visibility.scenes import Mesh, box, oracle_of, rooms, sheet, soup_of
 
 #: Half extents of cells, as parts of the scene's size.

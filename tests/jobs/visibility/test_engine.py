@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from jobs.checking.oracle import examine
-from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
+from jobs.visibility.engine import CellVisibility, Engine
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.visibility.scenes import Mesh, box, oracle_of, rooms, sheet, soup_of
 
@@ -157,7 +158,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from tests.jobs.visibility.nasty import nasty_scene
 from tests.jobs.visibility.scenes import soup_of
 for number in range(6):

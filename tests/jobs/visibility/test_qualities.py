@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from jobs.checking.oracle import examine
-from jobs.visibility.engine import QUALITIES, Engine
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import QUALITIES
 from tests.jobs.visibility.scenes import oracle_of, rooms, soup_of
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from jobs.checking.oracle import examine
-from jobs.visibility.engine import QUALITIES, CellVisibility, Engine, EngineSettings
+from jobs.visibility.engine import CellVisibility, Engine
+from jobs.visibility.settings import QUALITIES, EngineSettings
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.visibility.scenes import Mesh, box, oracle_of, rooms, sheet, soup_of
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.visibility.engine import EngineSettings
+from jobs.visibility.settings import EngineSettings
 from tests.benchmarks.measure_visibility import Case
 
 

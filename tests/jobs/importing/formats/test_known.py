@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -14,12 +15,15 @@ from storage.base.errors import ModelError
 from tests.jobs.importing.formats import toy_file
 from tests.jobs.importing.shapes import imported
 
+#: The extensions without the toy's.
+USUAL = known.extensions()
+
 TOY = "toy\n0 0 0 1 0 0 0 1 0\n0 0 1 1 0 1 0 1 1\n"
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(known, "FORMATS", (*known.FORMATS, toy_file.FORMAT))  # the line
+    monkeypatch.setattr(known, "FORMATS", (*known.FORMATS, f"{toy_file.__name__}:FORMAT"))  # the line
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "red.txt").write_text("255 0 0 255")
     (tmp_path / "models" / "a.TOY").write_text(TOY)
@@ -57,10 +61,11 @@ def test_it_is_imported(folder: Path, tmp_path: Path) -> None:
 
 def test_errors_name_it(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "a.fbx").write_bytes(b"Kaydara")
-    with pytest.raises(ModelError, match=r"\.stl, \.toy, \.plaything"):
+    named = re.escape(", ".join([*USUAL, ".toy", ".plaything"]))
+    with pytest.raises(ModelError, match=named):
         find_files([tmp_path / "a.fbx"])
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ModelError, match=r"\.stl, \.toy, \.plaything"):
+    with pytest.raises(ModelError, match=named):
         find_files([tmp_path / "empty"])
     (folder / "a.TOY").write_text("toy\nno numbers\n")
     with pytest.raises(ModelError, match=r"a\.TOY: cannot be read as \.toy"):

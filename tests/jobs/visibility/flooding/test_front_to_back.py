@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
 from jobs.visibility.flooding import occludees, occluders
 from jobs.visibility.flooding.front_to_back import WORTH, begin_queue, make_queue, next_cluster
 from jobs.visibility.images.layers import add_layer, clear_layers
 from jobs.visibility.proof import item_buffer
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.surfaces import ray_tree, seen_mesh
 from jobs.visibility.surfaces.clusters import Clusters, make_clusters
 from jobs.visibility.surfaces.soup import Soup

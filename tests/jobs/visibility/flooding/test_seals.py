@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jobs.checking.oracle import examine, surface_points
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.surfaces.gaps import MOST, SHORTER, near_part
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.detail.sampling import distances

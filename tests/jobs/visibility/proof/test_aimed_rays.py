@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from jobs.checking.oracle import examine, surface_points
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
 from jobs.visibility.proof import aimed_rays
 from jobs.visibility.proof.aimed_rays import INSET, LEAST_WEIGHT, SEEN, TURNED
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.surfaces import ray_tree
 from jobs.visibility.surfaces.soup import Soup
 from tests.jobs.visibility.nasty import nasty_scene

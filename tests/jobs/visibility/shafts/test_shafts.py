@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from jobs.visibility.engine import CellVisibility, Engine, EngineSettings
+from jobs.visibility.engine import CellVisibility, Engine
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.shafts.closing_sets import MOST_EPOCHS
 from jobs.visibility.shafts.shafts import edge_meets, part_within
 from tests.jobs.visibility.scenes import Mesh, rooms, sheet, soup_of

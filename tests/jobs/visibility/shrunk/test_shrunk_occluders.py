@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
 
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from jobs.visibility.shrunk.planar_polygons import convex_polygons
 from jobs.visibility.shrunk.projection_point import greatest_height, projection_point
 from jobs.visibility.shrunk.shrunk_depths import find_occluders

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jobs.visibility.engine import Engine, EngineSettings
+from jobs.visibility.engine import Engine
+from jobs.visibility.settings import EngineSettings
 from tests.jobs.visibility.scenes import box, soup_of
 
 

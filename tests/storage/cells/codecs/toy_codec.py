@@ -1,4 +1,4 @@
-"""A code as simple as can be: what a new code needs, and no more."""
+"""A codec as simple as can be: what a new codec needs, and no more."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from storage.cells.deltas import Ids
 class Plain:
     """Counts and ids as they are, four bytes each."""
 
-    name = "plain"
     block_ids = 100
 
     def encode(self, lists: Sequence[Ids]) -> bytes:

@@ -1,4 +1,4 @@
-"""What stages share.
+"""What stages stand on.
 
 Read in this order:
 

@@ -19,8 +19,8 @@ APART = (
     "jobs.running.memory",
     "jobs.running.tasks",
     "jobs.running.workplace",
-    "jobs.stages.common.build_state",
-    "jobs.stages.common.code",
+    "jobs.stages.support.build_state",
+    "jobs.stages.support.code",
     "storage.base.compiling",
     "storage.base.errors",
     "storage.base.temporary",
@@ -61,20 +61,20 @@ HIERARCHY = (*PIECES, "jobs.stages.hierarchy")
 _LEVELS = (
     *HIERARCHY,
     *_SHARDS,
-    "jobs.stages.common.written_nodes",
+    "jobs.stages.support.written_nodes",
     "storage.geometry_writer",
     "storage.meshes",
     "storage.model.tree",
 )
 SHARED = (*_LEVELS, "jobs.stages.shared")
 NODES = (*SHARED, "jobs.stages.nodes")
-TABLES = (*_LEVELS, "jobs.stages.tables", "jobs.stages.common.written_geometry")
+TABLES = (*_LEVELS, "jobs.stages.tables", "jobs.stages.support.written_geometry")
 
 CELLS = (
     *_ANY,
     *_SHARDS,
     "jobs.stages.cells",
-    "jobs.stages.common.written_geometry",
+    "jobs.stages.support.written_geometry",
     "jobs.cells",
     "jobs.visibility",
     "jobs.objects.weld",
@@ -86,7 +86,7 @@ CELLS = (
 )
 LAYOUT = (*_ANY, "jobs.stages.layout", "storage.cells.octree")
 
-#: The code that a shard is written in joins these: see `with_imports`. Others have no say.
+#: The modules of the codec that a shard is written in join these: see `with_imports`. Others have no say.
 SHARDS = (
     *_ANY,
     *_SHARDS,

@@ -75,13 +75,13 @@ class Walk:
 class SceneKind:
     """How one kind of scene is made: the SCENE of its module, which `jobs.scenes.kinds` lists."""
 
-    build: Callable[[Stage, int, int], None]  # stage, triangles, seed
+    build: Callable[[SceneDraft, int, int], None]  # draft, triangles, seed
     walk: Callable[[int, int], Walk]  # triangles, seed
     recipes: dict[str, Recipe]
 
 
 @dataclass
-class Stage:
+class SceneDraft:
     """A scene in the making: the file, the triangles asked for, and what can be placed."""
 
     writer: GlbWriter

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from jobs.scenes.things import equipment
+from jobs.scenes.things.draft import EYE_HEIGHT, Point, SceneDraft, SceneKind, Walk
 from jobs.scenes.things.furnishings import Pairs, blocks
 from jobs.scenes.things.solids import Floats, Mesh, boxes, cylinders, join, lathe, ring, tube_triangles, tubes
-from jobs.scenes.things.stage import EYE_HEIGHT, Point, SceneKind, Stage, Walk
 
 LENGTH, DEPTH, HEIGHT = 12.0, 9.0, 4.5  # of a bay, and its clear height, in metres
 SLAB = 0.3
@@ -69,24 +69,24 @@ def walk(triangles: int, seed: int) -> Walk:  # noqa: ARG001
     return Walk(np.array(points, np.float64), np.array(tour, np.float64))
 
 
-def build(stage: Stage, triangles: int, seed: int) -> None:
+def build(draft: SceneDraft, triangles: int, seed: int) -> None:
     """Make the whole scene on `stage`."""
     bays = _bays(triangles)
-    stage.writer.begin("services")
+    draft.writer.begin("services")
     for done, bay in enumerate(bays):
-        goal = stage.writer.triangles + stage.left // (len(bays) - done)
-        stage.writer.begin(bay.name, (bay.column * LENGTH, bay.row * DEPTH, 0.0))
-        _Builder(stage, bay, goal, np.random.default_rng([seed, 21, bay.number])).build()
-        stage.writer.end()
-        stage.report()
-    stage.writer.end()
+        goal = draft.writer.triangles + draft.left // (len(bays) - done)
+        draft.writer.begin(bay.name, (bay.column * LENGTH, bay.row * DEPTH, 0.0))
+        _Builder(draft, bay, goal, np.random.default_rng([seed, 21, bay.number])).build()
+        draft.writer.end()
+        draft.report()
+    draft.writer.end()
 
 
 @dataclass
 class _Builder:
     """Fills one bay in its own coordinates, within a goal of triangles counted over the whole scene."""
 
-    stage: Stage
+    draft: SceneDraft
     bay: _Bay
     goal: int
     rng: np.random.Generator
@@ -95,7 +95,7 @@ class _Builder:
     @property
     def left(self) -> int:
         """Triangles that may still be spent in this bay."""
-        return self.goal - self.stage.writer.triangles
+        return self.goal - self.draft.writer.triangles
 
     def build(self) -> None:
         """Slabs, columns and wall first; then kinds of services by turns, until only a few triangles are left."""
@@ -116,14 +116,14 @@ class _Builder:
     def _add(self, what: str, mesh: Mesh, material: str | None = None) -> None:
         self._made += 1
         colour = material or COLOURS[int(self.rng.integers(len(COLOURS)))]
-        self.stage.add(f"{self.bay.name} {what} {self._made}", mesh, colour)
+        self.draft.add(f"{self.bay.name} {what} {self._made}", mesh, colour)
 
     def _put(self, thing: str, at: Point) -> None:
         self._made += 1
-        self.stage.put(f"{self.bay.name} {thing} {self._made}", thing, at)
+        self.draft.put(f"{self.bay.name} {thing} {self._made}", thing, at)
 
     def _structure(self) -> None:
-        self.stage.writer.begin(f"{self.bay.name} structure")
+        self.draft.writer.begin(f"{self.bay.name} structure")
         slabs = [((0.0, 0.0, -SLAB), (LENGTH, DEPTH, 0.0))]
         if self.bay.number % 4 == 1:  # open to the sky
             slabs += [((x, 0.0, HEIGHT), (x + 0.2, DEPTH, HEIGHT + SLAB)) for x in np.arange(0.0, LENGTH, 3.0).tolist()]
@@ -134,7 +134,7 @@ class _Builder:
         self._add("column", column, "dark concrete")
         if self.bay.number % 3:
             self._add("wall", boxes([(3.0, 0.0, 0.0)], [(LENGTH - 2.5, 0.15, HEIGHT)]), "plaster")
-        self.stage.writer.end()
+        self.draft.writer.end()
 
     def _across(self, count: int) -> Floats:
         """Where runs lie across the row: (count,)."""

@@ -70,7 +70,7 @@ def walk(triangles: int, seed: int) -> Walk:  # noqa: ARG001
 
 
 def build(draft: SceneDraft, triangles: int, seed: int) -> None:
-    """Make the whole scene on `stage`."""
+    """Make the whole scene on `draft`."""
     bays = _bays(triangles)
     draft.writer.begin("services")
     for done, bay in enumerate(bays):

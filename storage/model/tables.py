@@ -71,7 +71,7 @@ DRAWABLE = np.dtype(
         ("geometry", "<u4"),  # index into GEOMETRY; instances share it
         ("instance", "<i4"),  # index into INSTANCE, -1: the mesh lies in model space already
         ("triangles", "<u4"),
-        ("error", "<f4"),  # two-sided Hausdorff bound to the model's surface, rounded up, quantisation included
+        ("error", "<f4"),  # at least the two-sided Hausdorff distance to the model's surface, quantisation included
         ("lo", "<f4", (3,)),  # box of the drawable's mesh, rounded outward
         ("hi", "<f4", (3,)),
         ("one_sided", "?"),  # only fronts count: see storage.meshes.facets

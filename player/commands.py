@@ -198,7 +198,27 @@ def _print_summary(report: Report) -> None:
     compared = content.get("compare")
     if compared is not None:
         click.echo(
-            f"against the full model: {'passed' if compared['passed'] else 'FAILED'}; {compared['holes']} hole pixels; "
-            f"at most {100 * compared['largest_differing']:.3f} % of a frame's pixels differ "
-            f"(frame {compared['worst_frame']} is the worst)"
+            f"against the full model: {'passed' if compared['passed'] else 'FAILED'}; {_holes(compared)}; "
+            f"at most {100 * compared['largest_differing']:.3f} % of a frame's pixels differ; the worst is "
+            f"{_worst(content)}"
         )
+
+
+def _holes(compared: dict[str, Any]) -> str:
+    if not compared["holes"]:
+        return "no hole"
+    return (
+        f"{compared['holes']:,} hole {'pixel' if compared['holes'] == 1 else 'pixels'} in "
+        f"{compared['frames_with_holes']} of the frames, {compared['holes_in_a_million']:.2f} in a million that it "
+        f"covers, of which {compared['allowed_in_a_million']:g} may be"
+    )
+
+
+def _worst(content: dict[str, Any]) -> str:
+    """The worst frame, where the eye is in it, and the picture of what it lacks."""
+    compared = content["compare"]
+    row = content["frames"][compared["worst_frame"]]
+    eye = ", ".join(f"{value:.6g}" for value in row["position"])
+    holes = f" with {row['compare']['holes']:,} of the hole pixels" if row["compare"]["holes"] else ""
+    picture = compared["images"].get("difference")
+    return f"frame {row['index']}, seen from ({eye}){holes}" + (f": see {picture} among the frames" if picture else "")

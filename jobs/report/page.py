@@ -308,8 +308,8 @@ def _comparison(play: dict[str, Any], frames: Sequence[Path]) -> Iterable[str]:
     figures = (_figure(_data(folder / compared["images"][what], 640), said) for what, said in captions.items())
     yield f'<div class="stills">{"".join(figures)}</div>'
     yield _paragraph(
-        f"{compared['holes']} holes; at most {100 * compared['largest_differing']:.2f} % of a frame's pixels differ by "
-        "more than 16 grey levels."
+        f"{compared['holes']:,} holes, {compared['holes_in_a_million']:.2f} in a million covered pixels; at most "
+        f"{100 * compared['largest_differing']:.2f} % of a frame's pixels differ by more than 16 grey levels."
     )
 
 

@@ -17,7 +17,7 @@ from player.camera.path import CameraPath, write_whole
 from player.camera.view import View
 from player.renderer.context import Abilities, abilities, headless_context
 from player.renderer.targets.target import Target
-from player.shells.compare import Difference, Picture, difference, magnified
+from player.shells.compare import ALLOWED_HOLES, Difference, Picture, difference, in_a_million, magnified, passed
 from player.shown_model import ShownModel
 from player.strategies import FULL
 from player.walkthrough import FrameStatistics, Settings, Walkthrough
@@ -250,11 +250,15 @@ def _comparison(rows: list[dict[str, Any]], worst: Frame, frames: Path | None) -
             images[what] = f"worst_{what}.png"
             save(frames / images[what], picture)
     differences = [Difference(**row["compare"]) for row in rows]
+    holes, covered = sum(found.holes for found in differences), sum(found.covered for found in differences)
     return {
         "with": FULL,
-        "passed": all(found.passed for found in differences) and not any(row["full_unreadable"] for row in rows),
+        "passed": passed(differences) and not any(row["full_unreadable"] for row in rows),
         "incomplete_full_frames": sum(row["full_unreadable"] > 0 for row in rows),
-        "holes": sum(found.holes for found in differences),
+        "holes": holes,
+        "covered_pixels": covered,
+        "holes_in_a_million": in_a_million(holes, covered),
+        "allowed_in_a_million": 1e6 * ALLOWED_HOLES,
         "frames_with_holes": sum(found.holes > 0 for found in differences),
         "largest_differing": max(found.differing for found in differences),
         "mean_differing": sum(found.differing for found in differences) / len(differences),

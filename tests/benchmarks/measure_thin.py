@@ -29,7 +29,7 @@ from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath, read_path, write_path
-from player.shells.compare import holes
+from player.shells.compare import holes, in_a_million
 from player.shells.headless import Frame, Screen, render
 from player.shown_model import ShownModel, shown_model
 from player.strategies import FULL
@@ -70,7 +70,7 @@ class Finding:
     holes: int
     wide: int  # of these
     frames_with_holes: int
-    holes_in_a_million: float  # of all pixels
+    holes_in_a_million: float  # of the pixels that the full model covers
     wide_in_a_million: float
 
 
@@ -124,13 +124,15 @@ def measure(name: str, model: ShownModel, path: CameraPath, strategy: str, lines
     """Draws a tour, and counts holes."""
     screen = Screen(width=lines * 16 // 9, height=lines)
     settings = Settings(strategy=strategy, prefetch=False, cache_bytes=1 << 40)
-    triangles, found, wide = [], [], 0
+    triangles, found, seen, wide = [], [], 0, 0
     losing: dict[int, NDArray[np.bool_]] = {}
     worst: list[tuple[int, int, Image.Image]] = []
     for frame in render(model, path, screen, settings, compare=True):
         lost = missing(frame)
         triangles.append(frame.statistics.triangles)
         found.append(int(lost.sum()))
+        assert frame.difference is not None
+        seen += frame.difference.covered
         if found[-1]:
             losing[frame.index] = lost
             worst = sorted([*worst, (-found[-1], frame.index, cropped(frame, lost))], key=lambda w: w[:2])[:CROPS]
@@ -140,7 +142,6 @@ def measure(name: str, model: ShownModel, path: CameraPath, strategy: str, lines
         crops.mkdir(parents=True, exist_ok=True)
         for _, index, picture in worst:
             picture.save(crops / f"{_plain(name)}_{strategy}_{lines}_{index:04d}.png")
-    pixels = len(path) * screen.width * screen.height
     return Finding(
         model=name,
         strategy=strategy,
@@ -150,8 +151,8 @@ def measure(name: str, model: ShownModel, path: CameraPath, strategy: str, lines
         holes=sum(found),
         wide=wide,
         frames_with_holes=sum(count > 0 for count in found),
-        holes_in_a_million=1e6 * sum(found) / pixels,
-        wide_in_a_million=1e6 * wide / pixels,
+        holes_in_a_million=in_a_million(sum(found), seen),
+        wide_in_a_million=in_a_million(wide, seen),
     )
 
 

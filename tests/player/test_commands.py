@@ -7,15 +7,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from player import commands
-from player.camera.path import read_path
+from player.camera.path import read_path, write_path
 from player.tour import survey
 from storage.base import compiling
+from storage.geometry_reader import Geometry
 from storage.store import Store
 from tests.player.conftest import store_path
+from tests.player.shells.test_headless import walk_along
+from tests.storage.tiny_store import make_store, room_parts
 
 VLOD = Path(sys.executable).with_name("vlod")
 
@@ -65,13 +69,40 @@ def test_a_tour_is_made_and_rendered(room: Store, tmp_path: Path, context: objec
         "--size", "64x36", "--compare", "none", "--strategy", "vlod",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "passed; 0 hole pixels" in done.stdout
+    assert "passed; no hole; at most 0.000 % of a frame's pixels differ; the worst is frame " in done.stdout
+    assert ": see worst_difference.png among the frames" in done.stdout
     assert len(list((tmp_path / "frames").glob("frame_*.png"))) == 5
     content = json.loads((tmp_path / "r.json").read_text())
     assert content["screen"]["field_of_view"] == room.manifest.parameters["field_of_view"]
     done = vlod("play", store, "--headless", "--path", tour, "--json", "--size", "64x36", "--fps", "50", "--gl33")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["totals"]["frames"] == 9
+
+
+def test_holes_are_told_with_their_part_and_the_worst_frame(tmp_path: Path, context: object) -> None:
+    def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
+        return cut[geometry.drawables["lo"][cut, 0] < 7.9]  # not the east wall
+
+    store, tour, report = tmp_path / "s", tmp_path / "tour.json", tmp_path / "r.json"
+    make_store(store, room_parts(), depth=1, visible=visible)
+    write_path(tour, walk_along(3))
+    done = vlod("play", store, "--headless", "--path", tour, "--size", "64x36", "--compare", "none", "--report", report)
+    assert done.returncode == 1
+    content = json.loads(report.read_text())
+    compared = content["compare"]
+    holes = [row["compare"]["holes"] for row in content["frames"]]
+    covered = sum(row["compare"]["covered"] for row in content["frames"])
+    worst = content["frames"][compared["worst_frame"]]
+    assert worst["compare"]["holes"] == max(holes) > 1
+    x, y, z = worst["position"]
+    assert (
+        f"against the full model: FAILED; {sum(holes):,} hole pixels in {np.count_nonzero(holes)} of the frames, "
+        f"{1e6 * sum(holes) / covered:.2f} in a million that it covers, of which 1 may be; at most "
+    ) in done.stdout
+    assert (
+        f"differ; the worst is frame {worst['index']}, seen from ({x:.6g}, {y:.6g}, {z:.6g}) with {max(holes):,} of the "
+        "hole pixels\n"
+    ) in done.stdout
 
 
 def test_a_tour_goes_to_standard_output(room: Store, tmp_path: Path) -> None:

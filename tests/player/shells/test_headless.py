@@ -139,6 +139,7 @@ def test_a_wall_that_is_missing_is_found(tmp_path: Path) -> None:
     assert not report.passed
     compared = report.content["compare"]
     assert compared["holes"] > 100
+    assert compared["holes_in_a_million"] == 1e6 * compared["holes"] / compared["covered_pixels"] > 1
     worst = max(report.content["frames"], key=lambda row: row["compare"]["holes"])
     assert compared["worst_frame"] == worst["index"]
     with Image.open(tmp_path / "f" / compared["images"]["difference"]) as image:

@@ -100,8 +100,8 @@ def test_holes_are_told_with_their_part_and_the_worst_frame(tmp_path: Path, cont
         f"{1e6 * sum(holes) / covered:.2f} in a million that it covers, of which 1 may be; at most "
     ) in done.stdout
     assert (
-        f"differ; the worst is frame {worst['index']}, seen from ({x:.6g}, {y:.6g}, {z:.6g}) with {max(holes):,} of the "
-        "hole pixels\n"
+        f"differ; the worst is frame {worst['index']}, seen from ({x:.6g}, {y:.6g}, {z:.6g}) with {max(holes):,} of "
+        "the hole pixels\n"
     ) in done.stdout
 
 

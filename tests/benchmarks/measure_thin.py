@@ -1,7 +1,7 @@
 """What levels lose of thin things: pixels with surface in the full model's picture and only background around here.
 
-    python tests/benchmarks/measure_thin.py [--frames 120] [--lines 540 1080] [--tour KIND] [--depth D] [--work DIR]
-        [--crops DIR] [--json FILE] [MODEL ...]
+    python tests/benchmarks/measure_thin.py [--frames 120] [--lines 540 1080] [--tour KIND] [--depth D] [--turned]
+        [--work DIR] [--crops DIR] [--json FILE] [MODEL ...]
 
 MODEL: the name of a demo scene with its number of triangles (services:100000), or a path below VLOD_MODELS. Every model
 is built with the default options and drawn along its automatic tour with strategy frustum, and, with --depth, with
@@ -10,6 +10,9 @@ those where the full picture of four times as many lines and columns covers more
 lost there is wider than a quarter of a pixel. Models and tours stay in the work directory, so that another version
 of the code can be measured along the same way: run this file with its folder in PYTHONPATH. --crops: pictures of the
 worst holes, full model, levels, and holes in red side by side, six times as large.
+
+--turned: also the full model against itself, the eye turned by a tenth of a pixel to any side. What is thinner than a
+pixel is drawn where it happens to meet a pixel's middle: so many holes come from a picture that lacks nothing.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.executors import SerialExecutor
 from player.camera.path import CameraPath, read_path, write_path
+from player.camera.view import quaternion_of, rotation_matrix
 from player.shells.compare import holes, in_a_million
 from player.shells.headless import Frame, Screen, render
 from player.shown_model import ShownModel, shown_model
@@ -56,6 +60,8 @@ FAR = 1e6
 #: Half of a crop's edge, in pixels, and how much larger it is shown.
 CROP, LARGER = 24, 6
 CROPS = 6
+#: The eye is turned by this part of a pixel in the middle of the picture.
+TURN = 0.1
 
 
 @dataclass(frozen=True)
@@ -142,11 +148,50 @@ def measure(name: str, model: ShownModel, path: CameraPath, strategy: str, lines
         crops.mkdir(parents=True, exist_ok=True)
         for _, index, picture in worst:
             picture.save(crops / f"{_plain(name)}_{strategy}_{lines}_{index:04d}.png")
+    return _finding(name, strategy, lines, triangles, found, wide, seen)
+
+
+def turned(path: CameraPath, screen: Screen) -> CameraPath:
+    """The path with the eye turned at each pose, by TURN pixels, to one side or another."""
+    angle = TURN * 2.0 * np.tan(np.radians(screen.field_of_view) / 2) / screen.height
+    rng = np.random.default_rng(0)
+    orientations = []
+    for orientation in path.orientations:
+        side = rng.uniform(0.0, 2.0 * np.pi)
+        x, y = np.cos(side) * np.sin(angle / 2), np.sin(side) * np.sin(angle / 2)
+        little = rotation_matrix((x, y, 0.0, np.cos(angle / 2)))
+        orientations.append(quaternion_of(rotation_matrix(orientation) @ little))
+    return CameraPath(path.times, path.positions, np.array(orientations))
+
+
+def measure_turned(name: str, model: ShownModel, path: CameraPath, lines: int) -> Finding:
+    """Draws the full model along a tour and along the turned one, and counts the holes of the one in the other."""
+    screen = Screen(width=lines * 16 // 9, height=lines)
+    settings = Settings(strategy=FULL, prefetch=False, cache_bytes=1 << 40)
+    plain = [np.packbits(frame.picture[..., 3] > 0) for frame in render(model, path, screen, settings)]
+    triangles, losing, found, seen, wide = [], {}, [], 0, 0
+    for frame in render(model, turned(path, screen), screen, settings):
+        full = np.zeros_like(frame.picture)
+        full[..., 3] = 255 * np.unpackbits(plain[frame.index], count=full[..., 3].size).reshape(full.shape[:2])
+        losing[frame.index] = holes(frame.picture, full)
+        triangles.append(frame.statistics.triangles)
+        found.append(int(losing[frame.index].sum()))
+        seen += int((full[..., 3] > 0).sum())
+    for index, lost in losing.items():
+        if lost.any():
+            wide += int((covered(model, path, index, screen)[lost] > WIDE).sum())
+    return _finding(name, "none, turned", lines, triangles, found, wide, seen)
+
+
+def _finding(
+    name: str, strategy: str, lines: int, triangles: list[int], found: list[int], wide: int, seen: int
+) -> Finding:
+    """found: holes of each frame; seen: pixels that the full model covers in all of them."""
     return Finding(
         model=name,
         strategy=strategy,
         lines=lines,
-        frames=len(path),
+        frames=len(found),
         triangles=float(np.mean(triangles)),
         holes=sum(found),
         wide=wide,
@@ -168,6 +213,7 @@ def main() -> None:
     parser.add_argument("--lines", type=int, nargs="+", default=[540, 1080])
     parser.add_argument("--tour", choices=[offer.name for offer in TOURS], help="default: the automatic one's")
     parser.add_argument("--depth", type=int)
+    parser.add_argument("--turned", action="store_true")
     parser.add_argument("--work", type=Path, default=Path("build/thin"))
     parser.add_argument("--crops", type=Path)
     parser.add_argument("--json", type=Path)
@@ -184,13 +230,16 @@ def main() -> None:
             model = built(file, Path(store), arguments.depth)
             way = folder / f"tour_{arguments.tour}_{arguments.frames}.json"
             path = tour(model, way, arguments.frames, arguments.tour)
-            for strategy in ("frustum",) if arguments.depth is None else ("frustum", "vlod"):
-                for lines in arguments.lines:
-                    found = measure(name, model, path, strategy, lines, arguments.crops)
+            for lines in arguments.lines:
+                strategies = ("frustum",) if arguments.depth is None else ("frustum", "vlod")
+                findings = [measure(name, model, path, strategy, lines, arguments.crops) for strategy in strategies]
+                if arguments.turned:
+                    findings.append(measure_turned(name, model, path, lines))
+                for found in findings:
                     rows.append(asdict(found))
                     print(
-                        f"| {name} | {strategy}, {lines} | {found.triangles:,.0f} | {found.holes} ({found.wide}) | "
-                        f"{found.holes_in_a_million:.2f} ({found.wide_in_a_million:.2f}) | "
+                        f"| {name} | {found.strategy}, {lines} | {found.triangles:,.0f} | {found.holes} ({found.wide}) "
+                        f"| {found.holes_in_a_million:.2f} ({found.wide_in_a_million:.2f}) | "
                         f"{found.frames_with_holes} of {found.frames} |",
                         flush=True,
                     )

@@ -4,7 +4,8 @@ Removed, in this order: faces with an index out of range, with a position that i
 alpha of 0 at all corners (readers make it so where nothing of a face is to be seen), without area, and faces whose
 corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
 exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
-second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
+second face adds nothing, unless it has another colour: then the earlier face's is drawn on both sides, and such faces
+are counted apart. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
 position, normal and colour become one. Vertices that opaque faces share with faces that can be seen through are doubled
 before: see `two_kinds`.
 """
@@ -51,11 +52,14 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
         drop(np.all(invisible[triangles], axis=1), Defect.INVISIBLE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
-        same, reverse = _repeated(positions, triangles)
-        drop(same | reverse, Defect.DUPLICATE)
-        if reverse.any():
-            counts[Defect.REVERSED] = int(reverse.sum())
-            counts[Defect.DUPLICATE] -= counts[Defect.REVERSED]
+        corners, first, opposite = _repeated(positions, triangles)
+        repeated = first != np.arange(len(first))
+        if repeated.any():
+            turned = np.flatnonzero(repeated & opposite)
+            others = _differing(mesh.colours, triangles, corners, turned, first[turned])
+            counts[Defect.DUPLICATE] = int(np.count_nonzero(repeated)) - len(turned)
+            counts[Defect.REVERSED], counts[Defect.OTHER_SIDE] = len(turned) - others, others
+            kept, triangles = kept[~repeated], triangles[~repeated]
     if not len(triangles):
         counts[Defect.EMPTY] = 1
         return None, counts
@@ -97,15 +101,28 @@ def _without_area(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return flat
 
 
-def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which faces repeat an earlier one by the positions of their corners: with the same winding, with the opposite."""
+def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The places (m, 3) of the faces' corners, by the first vertex at each; the first face (m,) between the same three
+    places; and whether (m,) it winds the other way.
+    """
     corners = first_equal(positions)[triangles]
     a, b, c = corners.T
     turned = (a < b) ^ (b < c) ^ (c < a)
     first = first_equal(np.sort(corners, axis=1))
-    repeated = first != np.arange(len(first))
-    opposite = turned != turned[first]
-    return repeated & ~opposite, repeated & opposite
+    return corners, first, turned != turned[first]
+
+
+def _differing(
+    colours: np.ndarray | None, triangles: np.ndarray, corners: np.ndarray, some: np.ndarray, others: np.ndarray
+) -> int:
+    """How many of `some` faces have other colours at their corners than the `others` (k,) between the same places."""
+    if colours is None:
+        return 0
+    shown = [
+        colours[np.take_along_axis(triangles[faces], np.argsort(corners[faces], axis=1), axis=1)]
+        for faces in (some, others)
+    ]
+    return int(np.count_nonzero((shown[0] != shown[1]).any(axis=(1, 2))))
 
 
 def _unit_normals(mesh: SourceMesh, used: np.ndarray) -> tuple[np.ndarray, int]:

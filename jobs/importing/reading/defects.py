@@ -15,6 +15,7 @@ class Defect(StrEnum):
     NO_AREA = "faces without area"
     DUPLICATE = "duplicate faces"
     REVERSED = "duplicate faces of opposite winding"
+    OTHER_SIDE = "faces left out that show another colour to the other side"
     EMPTY = "empty meshes"
     SINGULAR = "parts flattened by their transform"
     MISPLACED = "parts with a transform that is not finite"

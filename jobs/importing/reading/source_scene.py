@@ -73,6 +73,6 @@ class UnreadMeshes(Sequence[SourceMesh]):
 
 def compose(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The (3, 4) matrix that applies `b`, then `a`. Written out, so its bits depend on no linear-algebra library."""
-    rotation = np.stack([(a[:, 0] * b[0, j] + a[:, 1] * b[1, j]) + a[:, 2] * b[2, j] for j in range(3)], axis=1)
-    shift = ((a[:, 0] * b[0, 3] + a[:, 1] * b[1, 3]) + a[:, 2] * b[2, 3]) + a[:, 3]
-    return np.column_stack([rotation, shift])
+    matrix: np.ndarray = (a[:, :1] * b[0] + a[:, 1:2] * b[1]) + a[:, 2:3] * b[2]
+    matrix[:, 3] += a[:, 3]
+    return matrix

@@ -134,13 +134,16 @@ class Texture:
             for i in range(down):
                 for j in range(right):
                     total += current[i : i + rows * down : down, j : j + columns * right : right]
-            current = (total / np.float32(down * right)).astype(np.float32)
+            total /= np.float32(down * right)
+            current = total
             if opaque:
                 levels.append(np.rint(current).astype(np.uint8))
                 continue
             alpha = np.maximum(current[..., 3:] / np.float32(255), np.float32(1e-6))
-            plain = np.concatenate([np.minimum(current[..., :3] / alpha, 255), current[..., 3:]], axis=2)
-            levels.append(np.rint(plain).astype(np.uint8))
+            plain = current.copy()
+            plain[..., :3] /= alpha
+            np.minimum(plain, 255, out=plain)
+            levels.append(np.rint(plain, out=plain).astype(np.uint8))
         return levels
 
     def sample(

@@ -59,6 +59,19 @@ def test_duplicates_are_told_by_position_not_by_index():
     assert len(mesh.positions) == 8
 
 
+def test_of_two_colours_in_one_place_the_earlier_face_shows_its_own():
+    """Whatever the order of their corners; two sides that are alike are no loss."""
+    red, blue = (255, 0, 0, 255), (0, 0, 255, 255)
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)[[0, 1, 2, 1, 0, 2, 1, 3, 2, 2, 3, 1]]
+    colours = np.array([red] * 3 + [blue] * 3 + [red, blue, red] + [red, blue, red], np.uint8)
+    mesh, counts = repair(SourceMesh("wall", positions, np.arange(12).reshape(4, 3), colours=colours))
+    assert counts == {Defect.OTHER_SIDE: 1, Defect.REVERSED: 1}
+    assert np.array_equal(mesh.source_faces, [0, 2])
+    assert np.array_equal(mesh.colours[mesh.triangles], colours[[[0, 1, 2], [6, 7, 8]]])
+    turned = repair(SourceMesh("wall", positions, np.arange(12).reshape(4, 3)[[1, 0]], colours=colours))[0]
+    assert (turned.colours == blue).all()
+
+
 def test_minus_zero_is_zero():
     positions, triangles = terrain(2)
     doubled = np.concatenate([positions + 0.0, np.where(positions == 0, -0.0, positions)])

@@ -661,6 +661,16 @@ CASES = [
         triangles=1,
         counted={"duplicate faces of opposite winding": 1},
     ),
+    Case(
+        "obj: two faces in one place, back to back, with a colour each: the earlier one's shows on both sides",
+        {
+            "a.obj": f"mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n",
+            "m.mtl": "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n",
+        },
+        triangles=1,
+        colours=[(255, 0, 0)],
+        counted={"faces left out that show another colour to the other side": 1},
+    ),
 ]
 
 

@@ -133,8 +133,8 @@ def under(parent: np.ndarray | None, local: np.ndarray) -> np.ndarray:
 
 def _of_matrix(matrix: np.ndarray) -> np.ndarray:
     """The placement in a (4, 4) matrix."""
-    whole = float(matrix[3, 3])
-    if not (np.abs(matrix[3, :3]) <= _PROJECTIVE * abs(whole)).all() or not whole > 0:
+    *lowest, whole = matrix[3].tolist()
+    if not (whole > 0 and all(abs(value) <= _PROJECTIVE * whole for value in lowest)):
         return NOWHERE
     return matrix[:3] if whole == 1 else matrix[:3] / whole
 

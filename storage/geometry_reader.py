@@ -41,13 +41,13 @@ class Geometry:
     StoreUnreachableError where they cannot be read.
     """
 
-    def __init__(self, files: Files, section: GeometrySection) -> None:
+    def __init__(self, files: Files, section: GeometrySection, tables: ShardReader) -> None:
+        """tables: the reader of `section.tables`, all of which is read."""
         self.files = files
         self.grid = Grid(section.grid_step)
         self._cache: ByteCache[Any] = ByteCache(GEOMETRY_CACHE)
         self._shard_files = ShardFiles(files, self._cache)
         self._shards = section.shards
-        tables = self._shard_files.reader(section.tables)
         dtypes = (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE)
         loaded = [_table(tables, frame, dtype) for frame, dtype in enumerate(dtypes)]
         #: PART, INSTANCE, GEOMETRY, PACK, NODE and DRAWABLE arrays: storage.model.tables.
@@ -217,7 +217,9 @@ def open_geometry(root: str | os.PathLike[str], section: GeometrySection) -> Geo
 
     section: what `storage.geometry_writer.geometry_section` gave. The result has all that `Store` has but cells.
     """
-    return Geometry(Files(Path(root)), section)
+    files = Files(Path(root))
+    (tables,) = ShardFiles(files, ByteCache(0)).fetched([section.tables])
+    return Geometry(files, section, tables)
 
 
 def _table(shard: ShardReader, frame: int, dtype: np.dtype) -> np.ndarray:

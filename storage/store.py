@@ -40,22 +40,25 @@ from storage.vlod_reader import VlodReader
 #: Bytes of decoded cell shards' tables, sets and deltas, and of the shards' ends, that a store keeps in memory.
 CELL_CACHE = 1 << 26
 
+#: Cell shards of at most so many bytes are read whole, in one request: what a cell needs lies in several places of one.
+WHOLE_CELL_SHARD = 1 << 20
+
 
 class Store(Geometry):
     """A store opened for reading: geometry, and the vLODs of its view cells. Made by `open_store`."""
 
     def __init__(self, files: Files, manifest: Manifest) -> None:
-        super().__init__(files, manifest.geometry)
+        section = manifest.cells
+        cache: ByteCache[Any] = ByteCache(CELL_CACHE)
+        shards = ShardFiles(files, cache, whole=WHOLE_CELL_SHARD)
+        tables, *of_cells = shards.fetched([manifest.geometry.tables, *([section.table] if section else [])])
+        super().__init__(files, manifest.geometry, tables)
         self.manifest = manifest
         self.octree: Octree | None = None
         self.cells = np.zeros(0, CELL)
-        cache: ByteCache[Any] = ByteCache(CELL_CACHE)
-        shards = ShardFiles(files, cache)
-        section = manifest.cells
         if section:
             self.octree = Octree(section.octree_lo, section.octree_size)
-            table = shards.reader(section.table)
-            self.cells = table.decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL))
+            self.cells = of_cells[0].decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL))
         self._vlods = VlodReader(shards, section.shards if section else (), cache)
 
     @cached_property

@@ -172,17 +172,24 @@ class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
-    long as it likes; store: path or URL of the store, for errors. Every method raises CorruptStoreError, which names
-    the shard, when bytes are missing or changed.
+    long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in one
+    request. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
     """
 
     def __init__(
-        self, record: ShardRecord, read: Callable[[int, int], bytes], cache: ByteCache[Any], store: str
+        self,
+        record: ShardRecord,
+        read: Callable[[int, int], bytes],
+        cache: ByteCache[Any],
+        store: str,
+        *,
+        whole: int = TAIL_READ,
     ) -> None:
         self.record = record
         self._store = store
         self._read = read
         self._cache = cache
+        self._whole = whole
 
     @property
     def index(self) -> np.ndarray:
@@ -196,7 +203,7 @@ class ShardReader:
 
     def _read_end(self) -> tuple[_End, int]:
         size = self.record.bytes
-        start = max(0, size - TAIL_READ)
+        start = 0 if size <= self._whole else max(0, size - TAIL_READ)
         end = self._range(start, size)
         if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
             raise self.corrupt("its end is not a shard's")

@@ -2,8 +2,8 @@
 
 Goes through fsspec; folders are read directly. This is the one place where a request is repeated: what a busy or
 briefly absent server refuses is asked for again, a few times and ever more slowly; what is not there or not allowed is
-not. A server that falls silent is given up after a while, so no read lasts for ever. Many ranges are read in one call, at
-once, near ones together. Of a server that knows no ranges each file is read once and kept for a while.
+not. A server that falls silent is given up after a while, so no read lasts for ever. Many ranges are read in one call,
+at once, near ones together. Of a server that knows no ranges each file is read once and kept for a while.
 """
 
 from __future__ import annotations
@@ -107,6 +107,11 @@ class Files:
                     f"{self.url} is no address that can be opened: {error}; give a path or a URL"
                 ) from error
 
+    @property
+    def near(self) -> bool:
+        """Whether they lie in a folder, where a request costs next to nothing."""
+        return self._folder is not None
+
     @contextmanager
     def patient(self, tell: Callable[[str], None]) -> Iterator[None]:
         """While the block runs, what may pass is waited for until LAST_ATTEMPT, not for ATTEMPTS only.
@@ -197,8 +202,6 @@ class Files:
             return self._counted(bytes(self._ask("cat_file", path)))
         if end <= start:
             return b""
-        if self._ranges is None and start == 0:
-            return self._tried(path, start, end)
         if self._ranges is None:
             with self._first_range:  # else all who ask at first would get whole files of a server without ranges
                 if self._ranges is None:

@@ -172,8 +172,8 @@ class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
-    long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in one
-    request. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
+    long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in
+    one request. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
     """
 
     def __init__(
@@ -221,22 +221,37 @@ class ShardReader:
 
     def frame(self, number: int, kind: Kind) -> bytes:
         """The bytes of frame `number`, checked against its checksum and kind."""
-        frames, whole = self._end
+        start, end = self.span(number, kind)
+        whole = self._end.whole
+        return self.checked(number, self._range(start, end) if whole is None else whole[start:end])
+
+    @property
+    def whole(self) -> bool:
+        """Whether the shard came whole with its end, so that its frames need no more requests."""
+        return self._end.whole is not None
+
+    def span(self, number: int, kind: Kind) -> tuple[int, int]:
+        """Where the bytes of frame `number` begin and end in the file; its kind is checked."""
+        frames = self.index
         if not 0 <= number < len(frames):
             raise self.corrupt(f"it has {len(frames)} frames, so no frame {number}")
         entry = frames[number]
         if entry["kind"] != kind:
             raise self.corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
-        start = int(entry["offset"])
-        end = start + int(entry["bytes"])
-        payload = self._range(start, end) if whole is None else whole[start:end]
-        if checksum(payload) != int(entry["checksum"]):
+        return int(entry["offset"]), int(entry["offset"]) + int(entry["bytes"])
+
+    def checked(self, number: int, payload: bytes) -> bytes:
+        """The bytes of frame `number` as they are, once they match its checksum."""
+        if checksum(payload) != int(self.index[number]["checksum"]):
             raise self.corrupt(f"frame {number} does not match its checksum")
         return payload
 
-    def decoded(self, number: int, kind: Kind, decode: Callable[[bytes], Value]) -> Value:
-        """What `decode` makes of frame `number`; it may raise CorruptStoreError without a file."""
-        payload = self.frame(number, kind)
+    def decoded(self, number: int, kind: Kind, decode: Callable[[bytes], Value], payload: bytes | None = None) -> Value:
+        """What `decode` makes of frame `number`; it may raise CorruptStoreError without a file.
+
+        payload: the frame, checked, where it was read already.
+        """
+        payload = self.frame(number, kind) if payload is None else payload
         try:
             return decode(payload)
         except CorruptStoreError as error:

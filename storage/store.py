@@ -17,6 +17,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,9 @@ CELL_CACHE = 1 << 26
 
 #: Cell shards of at most so many bytes are read whole, in one request: what a cell needs lies in several places of one.
 WHOLE_CELL_SHARD = 1 << 20
+
+#: Bytes of what comes from far away that a cache on disk keeps, if nothing else is said.
+CACHE_BYTES = 1 << 30
 
 
 class Store(Geometry):
@@ -142,17 +146,28 @@ class Store(Geometry):
 
 
 def open_store(
-    url: str | os.PathLike[str], *, version: int | None = None, tell: Callable[[str], None] | None = None
+    url: str | os.PathLike[str],
+    *,
+    version: int | None = None,
+    tell: Callable[[str], None] | None = None,
+    cache_dir: Path | None = None,
+    cache_bytes: int = CACHE_BYTES,
 ) -> Store:
     """Opens a store for reading: a path, or a URL that fsspec knows (file, http, https, memory, s3, ...).
 
     version: an older version of it; None for the current one; tell: waits longer for a server that does not answer, and
-    hears of that: see `storage.shards.files.Files.patient`.
-    Raises StoreNotFoundError where there is no store, CorruptStoreError where it is damaged, StoreFormatError where its
-    format is unknown, StoreUnreachableError where it cannot be read, MissingDependencyError where its protocol needs a
-    package that is not installed.
+    hears of that: see `storage.shards.files.Files.patient`; cache_dir: a folder that keeps, for the next time, up to
+    cache_bytes of what comes from far away: see `storage.shards.disk_cache`.
+    Raises ParameterError if cache_dir cannot be used, StoreNotFoundError where there is no store, CorruptStoreError
+    where it is damaged, StoreFormatError where its format is unknown, StoreUnreachableError where it cannot be read,
+    MissingDependencyError where its protocol, or cache_dir, needs a package that is not installed.
     """
-    files = Files(url)
+    kept = None
+    if cache_dir is not None:
+        from storage.shards.disk_cache import DiskCache
+
+        kept = DiskCache(cache_dir, cache_bytes)
+    files = Files(url, kept)
     with files.patient(tell) if tell is not None else nullcontext():
         return _opened(files, version)
 

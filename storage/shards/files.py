@@ -15,11 +15,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 
 from storage.base.errors import MissingDependencyError, StoreError, StoreNotFoundError, StoreUnreachableError
 from storage.shards.cache import ByteCache
+
+if TYPE_CHECKING:
+    from storage.shards.disk_cache import DiskCache
 
 #: How often a request is made before its place counts as unreachable.
 ATTEMPTS = 4
@@ -45,6 +48,9 @@ SILENCE_TIME = 20.0
 
 #: Ranges of one file with no more bytes than so between them are read in one request.
 GAP = 1 << 14
+
+#: Paths of files whose content never changes, whatever store they are of: their names are its hashes.
+IMMUTABLE = "shards/"
 
 #: How many requests `Files.read_many` makes at once.
 AT_ONCE = 16
@@ -75,11 +81,13 @@ class Range(NamedTuple):
 class Files:
     """The files below one path or URL, read-only. Safe to use from several threads.
 
+    kept: holds parts of shards, which never change, for the next time; of no use to a folder.
     Raises MissingDependencyError if the URL's protocol needs a package that is not installed, StoreNotFoundError if its
     protocol is unknown.
     """
 
-    def __init__(self, url: str | os.PathLike[str]) -> None:
+    def __init__(self, url: str | os.PathLike[str], kept: DiskCache | None = None) -> None:
+        self._kept = kept
         self.url = os.fspath(url).rstrip("/") or "/"
         self.bytes_fetched = 0
         self._tell: Callable[[str], None] | None = None
@@ -130,12 +138,26 @@ class Files:
         Raises StoreNotFoundError if there is no such file, StoreUnreachableError if it cannot be read.
         """
         try:
-            return self._read_folder(path, start, end) if self._folder else self._read_system(path, start, end)
+            if self._folder:
+                return self._read_folder(path, start, end)
+            if self._kept is None or not path.startswith(IMMUTABLE):
+                return self._read_system(path, start, end)
+            key = f"{path} {start} {end}"
+            data = self._kept.get(key)
+            if data is None:
+                data = self._read_system(path, start, end)
+                self._kept.put(key, data, tag=path)
+            return data
         except _NOT_THERE as error:
             state = "is a folder and no file" if isinstance(error, IsADirectoryError) else "is missing"
             raise StoreNotFoundError(f"{self.url}/{path} {state}") from error
         except OSError as error:
             raise self._unreachable(path, error) from error
+
+    def forget(self, path: str) -> None:
+        """Nothing that is kept of this file is trusted any more: it was found to be damaged."""
+        if self._kept is not None:
+            self._kept.forget(path)
 
     def read_many(self, ranges: Sequence[Range]) -> list[bytes | StoreError]:
         """What `read` gives of each range, or the error that it raises: what fails takes nothing else with it.
@@ -210,7 +232,7 @@ class Files:
             return self._counted(bytes(self._ask("cat_file", path, start=start, end=end)))[: end - start]
 
         def load() -> tuple[bytes, int]:
-            whole = self._counted(bytes(self._ask("cat_file", path)))
+            whole = self.read(path)
             return whole, len(whole)
 
         return self._whole.get(path, load)[start:end]
@@ -220,6 +242,8 @@ class Files:
         data = self._counted(bytes(self._ask("cat_file", path, start=start, end=end)))
         if len(data) > end - start:  # the server knows no ranges and has sent the whole file
             self._ranges = False
+            if self._kept is not None and path.startswith(IMMUTABLE):
+                self._kept.put(f"{path} 0 None", data, tag=path)
             return self._whole.get(path, lambda: (data, len(data)))[start:end]
         if start > 0:
             self._ranges = True

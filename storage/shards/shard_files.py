@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar
 
 from storage.base.errors import CURE, CorruptStoreError, StoreError, StoreNotFoundError
@@ -41,7 +42,9 @@ class ShardFiles:
             except StoreNotFoundError as error:
                 raise _missing(error, path) from error
 
-        return ShardReader(record, read, self._cache, self.files.url, whole=self._whole)
+        return ShardReader(
+            record, read, self._cache, self.files.url, whole=self._whole, doubt=partial(self.files.forget, path)
+        )
 
     def fetched(self, records: Sequence[ShardRecord]) -> list[ShardReader]:
         """Readers of shards that are read whole, all of them at once, and kept for as long as their readers are.
@@ -65,7 +68,7 @@ class ShardFiles:
                 raise content
             return content[start:end]
 
-        return ShardReader(record, read, ByteCache(0), self.files.url)
+        return ShardReader(record, read, ByteCache(0), self.files.url, doubt=partial(self.files.forget, path))
 
     def frames(self, wanted: Sequence[tuple[ShardRecord, int, Kind]]) -> list[bytes | None]:
         """The bytes of many frames (shard, number, kind), checked, in as few requests as may be, made at once.

@@ -173,7 +173,8 @@ class ShardReader:
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
     long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in
-    one request. Every method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
+    one request; doubt: is called at every damage that is found. Every method raises CorruptStoreError, which names the
+    shard, when bytes are missing or changed.
     """
 
     def __init__(
@@ -184,12 +185,14 @@ class ShardReader:
         store: str,
         *,
         whole: int = TAIL_READ,
+        doubt: Callable[[], None] | None = None,
     ) -> None:
         self.record = record
         self._store = store
         self._read = read
         self._cache = cache
         self._whole = whole
+        self._doubt = doubt
 
     @property
     def index(self) -> np.ndarray:
@@ -222,8 +225,10 @@ class ShardReader:
     def frame(self, number: int, kind: Kind) -> bytes:
         """The bytes of frame `number`, checked against its checksum and kind."""
         start, end = self.span(number, kind)
-        whole = self._end.whole
-        return self.checked(number, self._range(start, end) if whole is None else whole[start:end])
+        if (whole := self._end.whole) is not None:
+            with suppress(CorruptStoreError):  # what came with the end may have been spoilt on its way
+                return self.checked(number, whole[start:end])
+        return self.checked(number, self._range(start, end))
 
     @property
     def whole(self) -> bool:
@@ -294,6 +299,8 @@ class ShardReader:
 
     def corrupt(self, what: str) -> CorruptStoreError:
         """The error that says what is wrong with this shard."""
+        if self._doubt is not None:
+            self._doubt()
         path = shard_path(self.record.name)
         return CorruptStoreError(f"{self._store}/{path} is damaged: {what}; {CURE}", path)
 

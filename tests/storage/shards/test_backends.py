@@ -391,3 +391,33 @@ def test_a_file_is_no_store(tmp_path: Path) -> None:
     file.write_bytes(b"glTF")
     with pytest.raises(StoreNotFoundError, match="not a vLOD store"):
         open_store(file)
+
+
+def test_what_was_read_once_comes_from_the_disk_next_time(original: Store, tmp_path: Path) -> None:
+    pytest.importorskip("diskcache")
+    folder = tmp_path / "cache"
+    serving = _served(Path(original.files.url), _Ranges)
+    url = next(serving)
+    first = open_store(url, cache_dir=folder)
+    first.vlod(20), first.mesh(0)
+    again = open_store(url, cache_dir=folder)
+    assert np.array_equal(again.vlod(20), original.vlod(20))
+    assert np.array_equal(again.mesh(0).positions, original.mesh(0).positions)
+    assert again.bytes_fetched == len((Path(original.files.url) / "manifest.json").read_bytes())
+    assert list(serving) == []
+
+
+def test_damage_that_was_kept_is_fetched_anew(original: Store, tmp_path: Path) -> None:
+    pytest.importorskip("diskcache")
+    shutil.copytree(original.files.url, tmp_path / "copy")
+    shard = tmp_path / "copy" / shard_path(original.manifest.geometry.shards[0].name)
+    sound = shard.read_bytes()
+    shard.write_bytes(bytes([*sound[:20], sound[20] ^ 1, *sound[21:]]))
+    serving = _served(tmp_path / "copy", _Ranges)
+    url = next(serving)
+    with pytest.raises(CorruptStoreError):
+        open_store(url, cache_dir=tmp_path / "cache").mesh(0)
+    shard.write_bytes(sound)
+    again = open_store(url, cache_dir=tmp_path / "cache")
+    assert np.array_equal(again.mesh(0).positions, original.mesh(0).positions)
+    assert list(serving) == []

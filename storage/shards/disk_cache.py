@@ -28,7 +28,7 @@ CHECKSUM_BYTES = 16
 _FAILURES = (OSError, sqlite3.Error, diskcache.Timeout)
 
 
-class _BytesOnly(diskcache.Disk):  # type: ignore[misc]
+class _BytesOnly(diskcache.Disk):
     """Reads values that are bytes and no others: a pickle that somebody put there is never opened."""
 
     def fetch(self, mode: int, filename: str | None, value: Any, read: bool) -> Any:

@@ -421,3 +421,33 @@ def test_damage_that_was_kept_is_fetched_anew(original: Store, tmp_path: Path) -
     again = open_store(url, cache_dir=tmp_path / "cache")
     assert np.array_equal(again.mesh(0).positions, original.mesh(0).positions)
     assert list(serving) == []
+
+
+def test_round_trips(original: Store) -> None:
+    """What is asked for at once is one wait for whoever is far away: two to open, one for a cell, two for packs."""
+    spans: list[tuple[float, float]] = []
+
+    class Slow(_Ranges):
+        def do_GET(self) -> None:
+            begun = time.monotonic()
+            time.sleep(0.2)
+            super().do_GET()
+            spans.append((begun, time.monotonic()))
+
+    def trips() -> int:
+        """Most requests of which each began after the one before it had ended."""
+        count, ended = 0, 0.0
+        for begun, end in sorted(spans, key=lambda span: span[1]):
+            if begun >= ended - 0.1:
+                count, ended = count + 1, end
+        spans.clear()
+        return count
+
+    serving = _served(Path(original.files.url), Slow)
+    store = open_store(next(serving))
+    assert trips() == 2
+    store.vlod(20)
+    assert trips() <= 1
+    store.fetch(list(range(len(store.packs))))
+    assert trips() <= 2
+    assert list(serving) == []

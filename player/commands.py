@@ -49,9 +49,11 @@ def play(context: click.Context, /, store: str, **values: Any) -> None:
     from storage.store import open_store
 
     path = read_path(way.path_file) if way.path_file is not None else None
-    settings = _settings(drawing, taken(Loading, values))
+    loading = taken(Loading, values)
+    settings = _settings(drawing, loading)
     _tell_of_compiling(context)
-    model = shown_model(open_store(store, tell=_tell))
+    opened = open_store(store, tell=_tell, cache_dir=loading.cache_dir, cache_bytes=loading.cache_bytes)
+    model = shown_model(opened)
     screen = _screen(model, taken(Picture, values))
     make = partial(make_tour, model, frames=way.tour_frames, seed=0, kind=way.tour)
     if headless.headless:

@@ -154,6 +154,8 @@ class Loading:
     threads: int
     prefetch: bool
     wait: bool
+    cache_dir: Path | None
+    cache_bytes: int
 
     TITLE: ClassVar[str] = "Loading"
     OPTIONS: ClassVar[tuple[Decorator, ...]] = (
@@ -166,6 +168,14 @@ class Loading:
             show_default=True,
             help="Headless: frames wait for their geometry, so that pictures do not depend on the disk's or network's "
             "speed. What cannot be read is not waited for: other levels stand in, and the exit code is 1.",
+        ),
+        click.option(
+            "--cache-dir",
+            type=click.Path(path_type=Path, file_okay=False),
+            help="Folder that keeps what comes from a server for the next time; several players may share it.",
+        ),
+        click.option(
+            "--cache-bytes", type=Bytes(), default="1GiB", show_default=True, help="Budget of --cache-dir's folder."
         ),
     )
 

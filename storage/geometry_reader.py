@@ -6,6 +6,8 @@ Needs no more of a manifest than its section on geometry, so that a build reads 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from storage.base.errors import ParameterError
+from storage.base.errors import ParameterError, StoreError
 from storage.meshes.facets import CONE, part_meshes
 from storage.meshes.mesh import LocalMesh, Mesh, Surfaces, in_model_space
 from storage.meshes.pack import Pack, unpack, unpack_source_faces
@@ -41,13 +43,13 @@ class Geometry:
     StoreUnreachableError where they cannot be read.
     """
 
-    def __init__(self, files: Files, section: GeometrySection) -> None:
+    def __init__(self, files: Files, section: GeometrySection, tables: ShardReader) -> None:
+        """tables: the reader of `section.tables`, all of which is read."""
         self.files = files
         self.grid = Grid(section.grid_step)
         self._cache: ByteCache[Any] = ByteCache(GEOMETRY_CACHE)
         self._shard_files = ShardFiles(files, self._cache)
         self._shards = section.shards
-        tables = self._shard_files.reader(section.tables)
         dtypes = (PART, INSTANCE, GEOMETRY, PACK, NODE, DRAWABLE)
         loaded = [_table(tables, frame, dtype) for frame, dtype in enumerate(dtypes)]
         #: PART, INSTANCE, GEOMETRY, PACK, NODE and DRAWABLE arrays: storage.model.tables.
@@ -69,11 +71,28 @@ class Geometry:
 
     def pack(self, number: int) -> Pack:
         """A decoded pack, in the local coordinates of its meshes; row `number` of `packs` says where it lies."""
+        return self._pack(number, None)
+
+    def fetch(self, packs: Sequence[int]) -> None:
+        """Reads and decodes `packs` in as few requests as may be, so that `pack` finds them in memory.
+
+        Raises nothing of what cannot be had: `pack` does.
+        """
+        rows = self.packs[np.asarray(packs, np.int64)]
+        places = zip(rows["shard"].tolist(), rows["frame"].tolist(), strict=True)
+        found = self._shard_files.frames([(self._shards[shard], frame, Kind.GEOMETRY) for shard, frame in places])
+        for number, data in zip(packs, found, strict=True):
+            if data is not None:
+                with suppress(StoreError):
+                    self._pack(number, data)
+
+    def _pack(self, number: int, data: bytes | None) -> Pack:
+        """A decoded pack; data: its frame, None where it is to be read."""
 
         def load() -> tuple[Pack, int]:
             row = self.packs[number]
             shard = self._shard_files.reader(self._shards[int(row["shard"])])
-            decoded = shard.decoded(int(row["frame"]), Kind.GEOMETRY, unpack)
+            decoded = shard.decoded(int(row["frame"]), Kind.GEOMETRY, unpack, data)
             if len(decoded.positions) != row["vertices"] or len(decoded.triangles) != row["triangles"]:
                 raise shard.corrupt(f"pack {number} is not of the size that the tables say")
             return decoded, decoded.bytes
@@ -217,7 +236,9 @@ def open_geometry(root: str | os.PathLike[str], section: GeometrySection) -> Geo
 
     section: what `storage.geometry_writer.geometry_section` gave. The result has all that `Store` has but cells.
     """
-    return Geometry(Files(Path(root)), section)
+    files = Files(Path(root))
+    (tables,) = ShardFiles(files, ByteCache(0)).fetched([section.tables])
+    return Geometry(files, section, tables)
 
 
 def _table(shard: ShardReader, frame: int, dtype: np.dtype) -> np.ndarray:

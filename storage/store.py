@@ -17,6 +17,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,22 +41,28 @@ from storage.vlod_reader import VlodReader
 #: Bytes of decoded cell shards' tables, sets and deltas, and of the shards' ends, that a store keeps in memory.
 CELL_CACHE = 1 << 26
 
+#: Cell shards of at most so many bytes are read whole, in one request: what a cell needs lies in several places of one.
+WHOLE_CELL_SHARD = 1 << 20
+
+#: Bytes of what comes from far away that a cache on disk keeps, if nothing else is said.
+CACHE_BYTES = 1 << 30
+
 
 class Store(Geometry):
     """A store opened for reading: geometry, and the vLODs of its view cells. Made by `open_store`."""
 
     def __init__(self, files: Files, manifest: Manifest) -> None:
-        super().__init__(files, manifest.geometry)
+        section = manifest.cells
+        cache: ByteCache[Any] = ByteCache(CELL_CACHE)
+        shards = ShardFiles(files, cache, whole=WHOLE_CELL_SHARD)
+        tables, *of_cells = shards.fetched([manifest.geometry.tables, *([section.table] if section else [])])
+        super().__init__(files, manifest.geometry, tables)
         self.manifest = manifest
         self.octree: Octree | None = None
         self.cells = np.zeros(0, CELL)
-        cache: ByteCache[Any] = ByteCache(CELL_CACHE)
-        shards = ShardFiles(files, cache)
-        section = manifest.cells
         if section:
             self.octree = Octree(section.octree_lo, section.octree_size)
-            table = shards.reader(section.table)
-            self.cells = table.decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL))
+            self.cells = of_cells[0].decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL))
         self._vlods = VlodReader(shards, section.shards if section else (), cache)
 
     @cached_property
@@ -139,17 +146,28 @@ class Store(Geometry):
 
 
 def open_store(
-    url: str | os.PathLike[str], *, version: int | None = None, tell: Callable[[str], None] | None = None
+    url: str | os.PathLike[str],
+    *,
+    version: int | None = None,
+    tell: Callable[[str], None] | None = None,
+    cache_dir: Path | None = None,
+    cache_bytes: int = CACHE_BYTES,
 ) -> Store:
     """Opens a store for reading: a path, or a URL that fsspec knows (file, http, https, memory, s3, ...).
 
     version: an older version of it; None for the current one; tell: waits longer for a server that does not answer, and
-    hears of that: see `storage.shards.files.Files.patient`.
-    Raises StoreNotFoundError where there is no store, CorruptStoreError where it is damaged, StoreFormatError where its
-    format is unknown, StoreUnreachableError where it cannot be read, MissingDependencyError where its protocol needs a
-    package that is not installed.
+    hears of that: see `storage.shards.files.Files.patient`; cache_dir: a folder that keeps, for the next time, up to
+    cache_bytes of what comes from far away: see `storage.shards.disk_cache`.
+    Raises ParameterError if cache_dir cannot be used, StoreNotFoundError where there is no store, CorruptStoreError
+    where it is damaged, StoreFormatError where its format is unknown, StoreUnreachableError where it cannot be read,
+    MissingDependencyError where its protocol, or cache_dir, needs a package that is not installed.
     """
-    files = Files(url)
+    kept = None
+    if cache_dir is not None:
+        from storage.shards.disk_cache import DiskCache
+
+        kept = DiskCache(cache_dir, cache_bytes)
+    files = Files(url, kept)
     with files.patient(tell) if tell is not None else nullcontext():
         return _opened(files, version)
 

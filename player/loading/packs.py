@@ -63,7 +63,11 @@ class Packs:
         self._sizes = store.packs["vertices"].astype(np.int64) * VERTEX.itemsize
         self._sizes += store.packs["triangles"].astype(np.int64) * 3 * INDEX_BYTES
         self.cache = PackCache(self._sizes, budget)
-        self._loader: Loader[int, PreparedPack] = Loader(self._load, threads)
+        self._loader: Loader[int, PreparedPack] = Loader(
+            self._load,
+            threads,
+            fetch=None if store.files.near else store.fetch,  # threads wait for a folder no longer than for one request
+        )
         self._base = np.zeros(0, np.int64)
         self._ahead = np.zeros(0, np.int64)
         self._ahead_changed = False

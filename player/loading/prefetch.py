@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from threading import Condition, Thread
 from typing import Generic, NamedTuple, TypeVar
 
@@ -23,6 +24,9 @@ Value = TypeVar("Value")
 #: The pause before what failed is begun again, in seconds: after the first failure, and at most.
 FIRST_PAUSE = 1.0
 LONGEST_PAUSE = 30.0
+
+#: How many keys are fetched together at most.
+TOGETHER = 16
 
 #: So many keys that are out of reach, one after the other, mean that the place is, and nothing is waited for any more.
 OUT_OF_REACH = 4
@@ -46,8 +50,12 @@ class Loader(Generic[Key, Value]):
     arrives. Any other error is a fault of the program: the next `collect` or `wait_for` raises it.
     """
 
-    def __init__(self, load: Callable[[Key], Value], threads: int) -> None:
+    def __init__(
+        self, load: Callable[[Key], Value], threads: int, *, fetch: Callable[[Sequence[Key]], None] | None = None
+    ) -> None:
+        """fetch: brings near what several keys need, at most TOGETHER, before each is loaded; raises no StoreError."""
         self._load = load
+        self._fetch = fetch
         self._wishes: dict[Key, None] = {}  # in order; what is being loaded stays until it has arrived
         self._loading: set[Key] = set()
         self._done: dict[Key, Value] = {}
@@ -146,11 +154,21 @@ class Loader(Generic[Key, Value]):
         return done
 
     def _work(self) -> None:
-        while key := self._next():
-            self._attempt(*key)
+        while keys := self._next():
+            if self._fetch is not None and len(keys) > 1:
+                try:
+                    self._fetch(keys)
+                except Exception as fault:
+                    with self._changed:
+                        self._fault = fault
+                        self._changed.notify_all()
+            for key in keys:
+                self._attempt(key)
 
     def _next(self) -> list[Key]:
         """The most urgent wish that may be begun, which is waited for; none once the loader is closed.
+
+        With what follows it, where things are fetched together and nothing is out of reach.
 
         While nothing arrives, what was not tried yet comes before what has failed: else that would hold up all others.
         """
@@ -163,7 +181,7 @@ class Loader(Generic[Key, Value]):
                         continue
                     failure = self._failures.get(key)
                     if failure is None:
-                        return self._begun(key)
+                        return self._begun(*self._together(key))
                     soonest = min(soonest, failure.again)
                     if failure.again <= now and not again:
                         again = [key]
@@ -174,9 +192,16 @@ class Loader(Generic[Key, Value]):
                 self._changed.wait(None if soonest == math.inf else soonest - now)
             return []
 
-    def _begun(self, key: Key) -> list[Key]:
-        self._loading.add(key)
-        return [key]
+    def _together(self, first: Key) -> list[Key]:
+        """`first` and the wishes after it that were not tried yet."""
+        if self._fetch is None or self._out_of_reach:
+            return [first]
+        fresh = (key for key in self._wishes if key not in self._loading and key not in self._failures)
+        return list(islice(fresh, TOGETHER))
+
+    def _begun(self, *keys: Key) -> list[Key]:
+        self._loading.update(keys)
+        return list(keys)
 
     def _attempt(self, key: Key) -> None:
         try:

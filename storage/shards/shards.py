@@ -172,17 +172,27 @@ class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
-    long as it likes; store: path or URL of the store, for errors. Every method raises CorruptStoreError, which names
-    the shard, when bytes are missing or changed.
+    long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in
+    one request; doubt: is called at every damage that is found. Every method raises CorruptStoreError, which names the
+    shard, when bytes are missing or changed.
     """
 
     def __init__(
-        self, record: ShardRecord, read: Callable[[int, int], bytes], cache: ByteCache[Any], store: str
+        self,
+        record: ShardRecord,
+        read: Callable[[int, int], bytes],
+        cache: ByteCache[Any],
+        store: str,
+        *,
+        whole: int = TAIL_READ,
+        doubt: Callable[[], None] | None = None,
     ) -> None:
         self.record = record
         self._store = store
         self._read = read
         self._cache = cache
+        self._whole = whole
+        self._doubt = doubt
 
     @property
     def index(self) -> np.ndarray:
@@ -196,7 +206,7 @@ class ShardReader:
 
     def _read_end(self) -> tuple[_End, int]:
         size = self.record.bytes
-        start = max(0, size - TAIL_READ)
+        start = 0 if size <= self._whole else max(0, size - TAIL_READ)
         end = self._range(start, size)
         if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
             raise self.corrupt("its end is not a shard's")
@@ -214,22 +224,39 @@ class ShardReader:
 
     def frame(self, number: int, kind: Kind) -> bytes:
         """The bytes of frame `number`, checked against its checksum and kind."""
-        frames, whole = self._end
+        start, end = self.span(number, kind)
+        if (whole := self._end.whole) is not None:
+            with suppress(CorruptStoreError):  # what came with the end may have been spoilt on its way
+                return self.checked(number, whole[start:end])
+        return self.checked(number, self._range(start, end))
+
+    @property
+    def whole(self) -> bool:
+        """Whether the shard came whole with its end, so that its frames need no more requests."""
+        return self._end.whole is not None
+
+    def span(self, number: int, kind: Kind) -> tuple[int, int]:
+        """Where the bytes of frame `number` begin and end in the file; its kind is checked."""
+        frames = self.index
         if not 0 <= number < len(frames):
             raise self.corrupt(f"it has {len(frames)} frames, so no frame {number}")
         entry = frames[number]
         if entry["kind"] != kind:
             raise self.corrupt(f"frame {number} is of kind {entry['kind']}, not {kind.value} ({kind.name.lower()})")
-        start = int(entry["offset"])
-        end = start + int(entry["bytes"])
-        payload = self._range(start, end) if whole is None else whole[start:end]
-        if checksum(payload) != int(entry["checksum"]):
+        return int(entry["offset"]), int(entry["offset"]) + int(entry["bytes"])
+
+    def checked(self, number: int, payload: bytes) -> bytes:
+        """The bytes of frame `number` as they are, once they match its checksum."""
+        if checksum(payload) != int(self.index[number]["checksum"]):
             raise self.corrupt(f"frame {number} does not match its checksum")
         return payload
 
-    def decoded(self, number: int, kind: Kind, decode: Callable[[bytes], Value]) -> Value:
-        """What `decode` makes of frame `number`; it may raise CorruptStoreError without a file."""
-        payload = self.frame(number, kind)
+    def decoded(self, number: int, kind: Kind, decode: Callable[[bytes], Value], payload: bytes | None = None) -> Value:
+        """What `decode` makes of frame `number`; it may raise CorruptStoreError without a file.
+
+        payload: the frame, checked, where it was read already.
+        """
+        payload = self.frame(number, kind) if payload is None else payload
         try:
             return decode(payload)
         except CorruptStoreError as error:
@@ -272,6 +299,8 @@ class ShardReader:
 
     def corrupt(self, what: str) -> CorruptStoreError:
         """The error that says what is wrong with this shard."""
+        if self._doubt is not None:
+            self._doubt()
         path = shard_path(self.record.name)
         return CorruptStoreError(f"{self._store}/{path} is damaged: {what}; {CURE}", path)
 

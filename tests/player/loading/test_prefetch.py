@@ -32,6 +32,15 @@ def test_values_arrive() -> None:
         assert loader.pending == 0
 
 
+def test_what_is_wished_together_is_fetched_together() -> None:
+    fetched: list[list[int]] = []
+    with Loader(lambda key: -key, threads=1, fetch=lambda keys: fetched.append(list(keys))) as loader:
+        count = 2 * prefetch.TOGETHER + 1
+        loader.wish(range(count))
+        assert loader.wait_for(range(count)) == {key: -key for key in range(count)}
+    assert fetched == [list(range(16)), list(range(16, 32))]
+
+
 def test_the_most_urgent_comes_first_and_wishes_can_change() -> None:
     begun: list[int] = []
     gate = threading.Event()

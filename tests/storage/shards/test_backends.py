@@ -20,7 +20,7 @@ from storage.base.errors import CorruptStoreError, MissingDependencyError, Store
 from storage.cells.spanning_forest import LONGEST_CHAIN
 from storage.geometry_reader import Geometry
 from storage.shards import files
-from storage.shards.shards import TAIL_READ
+from storage.shards.shards import TAIL_READ, shard_path
 from storage.store import Store
 from tests.storage.tiny_store import box_part, make_store, room_parts
 
@@ -174,7 +174,11 @@ def test_few_requests_open_a_store_and_read_a_cell(original: Store) -> None:
     assert list(serving) == []
 
 
-def test_a_cell_of_a_large_shard_takes_a_request_for_each_frame_on_the_way(tmp_path: Path) -> None:
+@pytest.mark.parametrize("whole", [True, False])
+def test_requests_for_a_cell_of_a_large_shard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: bool) -> None:
+    if not whole:
+        monkeypatch.setattr("storage.store.WHOLE_CELL_SHARD", TAIL_READ)
+
     def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
         return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
 
@@ -194,7 +198,64 @@ def test_a_cell_of_a_large_shard_takes_a_request_for_each_frame_on_the_way(tmp_p
 
     store.files.read = read  # type: ignore[method-assign]
     store.vlod(0)
-    assert 4 <= asked <= 3 + LONGEST_CHAIN  # the shard's end, the links, the key set, the changes
+    if whole:
+        assert asked == 1
+    else:
+        assert 4 <= asked <= 3 + LONGEST_CHAIN  # the shard's end, the links, the key set, the changes
+
+
+def test_a_server_without_ranges_sends_each_file_once(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    class Counting(_Plain):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            super().do_GET()
+
+    content = np.random.default_rng(0).bytes(1 << 17)
+    (tmp_path / "shard").write_bytes(content)
+    serving = _served(tmp_path, Counting)
+    files_there = files.Files(next(serving))
+    ranges = [files.Range("shard", at, at + 10) for at in range(0, len(content), files.GAP + 20)]
+    assert len(ranges) > 1
+    for _ in range(2):
+        assert files_there.read_many(ranges[::-1]) == [content[start:end] for _, start, end in ranges[::-1]]
+    assert asked == ["/shard"]
+    assert files_there.bytes_fetched == len(content)
+    assert list(serving) == []
+
+
+def test_many_ranges_at_once(place: str | Path, original: Store) -> None:
+    """Near ones share a request; what is missing takes nothing else with it."""
+    at = files.Files(place)
+    path = shard_path(original.manifest.geometry.shards[0].name)
+    content = (Path(original.files.url) / path).read_bytes()
+    wanted = [(200, 300), (0, 10), (250, 260), (len(content) - 5, len(content) + 50), (0, 10), (7, 7)]
+    *found, missing = at.read_many([*(files.Range(path, *range_) for range_ in wanted), files.Range("no", 0, 1)])
+    assert found == [content[start:end] for start, end in wanted]
+    assert isinstance(missing, StoreNotFoundError)
+    assert at.read_many([]) == []
+
+
+def test_packs_fetched_together_take_two_rounds(place: str | Path, original: Store) -> None:
+    """The ends of shards, then all frames; afterwards nothing more is read."""
+    store = open_store(place)
+    store.fetch(list(range(len(store.packs))))
+    before = store.bytes_fetched
+    for number in range(len(store.packs)):
+        assert np.array_equal(store.pack(number).positions, original.pack(number).positions)
+    assert store.bytes_fetched == before
+
+
+def test_near_ranges_are_one_request(original: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    at = files.Files(original.files.url)
+    asked: list[tuple[Any, ...]] = []
+    real = at.read
+    monkeypatch.setattr(at, "read", lambda *args: asked.append(args) or real(*args))
+    path = shard_path(original.manifest.geometry.shards[0].name)
+    far = 50 + files.GAP
+    at.read_many([files.Range(path, far + 1, far + 2), files.Range(path, 40, 50), files.Range(path, 0, 20)])
+    assert sorted(asked) == [(path, 0, 50), (path, far + 1, far + 2)]
 
 
 def test_a_server_that_is_not_there() -> None:
@@ -330,3 +391,63 @@ def test_a_file_is_no_store(tmp_path: Path) -> None:
     file.write_bytes(b"glTF")
     with pytest.raises(StoreNotFoundError, match="not a vLOD store"):
         open_store(file)
+
+
+def test_what_was_read_once_comes_from_the_disk_next_time(original: Store, tmp_path: Path) -> None:
+    pytest.importorskip("diskcache")
+    folder = tmp_path / "cache"
+    serving = _served(Path(original.files.url), _Ranges)
+    url = next(serving)
+    first = open_store(url, cache_dir=folder)
+    first.vlod(20), first.mesh(0)
+    again = open_store(url, cache_dir=folder)
+    assert np.array_equal(again.vlod(20), original.vlod(20))
+    assert np.array_equal(again.mesh(0).positions, original.mesh(0).positions)
+    assert again.bytes_fetched == len((Path(original.files.url) / "manifest.json").read_bytes())
+    assert list(serving) == []
+
+
+def test_damage_that_was_kept_is_fetched_anew(original: Store, tmp_path: Path) -> None:
+    pytest.importorskip("diskcache")
+    shutil.copytree(original.files.url, tmp_path / "copy")
+    shard = tmp_path / "copy" / shard_path(original.manifest.geometry.shards[0].name)
+    sound = shard.read_bytes()
+    shard.write_bytes(bytes([*sound[:20], sound[20] ^ 1, *sound[21:]]))
+    serving = _served(tmp_path / "copy", _Ranges)
+    url = next(serving)
+    with pytest.raises(CorruptStoreError):
+        open_store(url, cache_dir=tmp_path / "cache").mesh(0)
+    shard.write_bytes(sound)
+    again = open_store(url, cache_dir=tmp_path / "cache")
+    assert np.array_equal(again.mesh(0).positions, original.mesh(0).positions)
+    assert list(serving) == []
+
+
+def test_round_trips(original: Store) -> None:
+    """What is asked for at once is one wait for whoever is far away: two to open, one for a cell, two for packs."""
+    spans: list[tuple[float, float]] = []
+
+    class Slow(_Ranges):
+        def do_GET(self) -> None:
+            begun = time.monotonic()
+            time.sleep(0.2)
+            super().do_GET()
+            spans.append((begun, time.monotonic()))
+
+    def trips() -> int:
+        """Most requests of which each began after the one before it had ended."""
+        count, ended = 0, 0.0
+        for begun, end in sorted(spans, key=lambda span: span[1]):
+            if begun >= ended - 0.1:
+                count, ended = count + 1, end
+        spans.clear()
+        return count
+
+    serving = _served(Path(original.files.url), Slow)
+    store = open_store(next(serving))
+    assert trips() == 2
+    store.vlod(20)
+    assert trips() <= 1
+    store.fetch(list(range(len(store.packs))))
+    assert trips() <= 2
+    assert list(serving) == []

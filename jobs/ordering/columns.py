@@ -4,8 +4,8 @@ Two rows for each pair of cells that share a face: what comes on the way from th
 Never dense: a column is the increasing list of its rows. The runs of all rows under an order are half of the length of
 the order's tour, from the empty column through all others and back.
 
-Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian, D. Johnson, S. Kumar, vLOD: High-Fidelity
-Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6.
+Based on: J. Chhugani, B. Purnomo, S. Krishnan, J. Cohen, S. Venkatasubramanian, D. Johnson, S. Kumar, vLOD:
+High-Fidelity Walkthrough of Large Virtual Environments, IEEE TVCG 11(1), 2005, section 6.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ class Columns:
 
 
 def columns_of_changes(sets: Sequence[np.ndarray], pairs: np.ndarray, count: int) -> Columns:
-    """The columns of drawables 0 to count - 1: row 2k is what comes from cell pairs[k, 0] to pairs[k, 1], 2k + 1 what goes.
+    """The columns of drawables 0 to count - 1: row 2k is what comes from cell pairs[k, 0] to
+    pairs[k, 1], row 2k + 1 what goes.
 
     sets: (v,) sorted ids that are seen, for each cell; pairs: (p, 2) int64 cells that share a face.
     """

@@ -82,7 +82,7 @@ def _turn(
     awake: np.ndarray,
     a: int,
 ) -> bool:
-    """2-opt: the edges from a to b and from c to d, which is on the same side, for those from a to c and from b to d."""
+    """2-opt: the edges from a to b and from c to d, which is on the same side, for those from a to c and b to d."""
     i = places[a]
     for side in (1, -1):
         behind = 0 if side == 1 else 1  # the gap on that side of a place

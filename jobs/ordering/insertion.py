@@ -23,10 +23,10 @@ from storage.base.kernels import allocating_kernel, kernel
 def inserted(
     columns: Columns, former: np.ndarray, options: TourOptions | None = None, blockwise: Blockwise = map
 ) -> np.ndarray:
-    """An order of all drawables, (count,) int64, in which those of `former` (f,) int64 have the sequence they have there.
+    """An order of all drawables, (count,) int64, in which those of `former` (f,) int64 keep their sequence.
 
-    Depends on columns, former order and options alone. New drawables that never change come last, or beside a former one
-    that never does.
+    Depends on columns, former order and options alone. New drawables that never change come last, or beside a former
+    one that never does.
     """
     options = options or TourOptions()
     stands_for = representatives(columns)
@@ -56,7 +56,8 @@ def _best_place(
     for other in near:
         if other < 0 or after[other] < 0:
             continue
-        for a in (other, before[other]):
+        for side in range(2):
+            a = int(other) if side == 0 else int(before[other])
             b = after[a]
             cost = (
                 distance(offsets, rows, a, column, 1 << 40)
@@ -83,11 +84,12 @@ def _inserted(
 
     wanted_by = np.argsort(near.copy().reshape(-1), kind="mergesort")  # places in near, by the column that is near
     begins = np.searchsorted(near.copy().reshape(-1)[wanted_by], np.arange(count + 1))
-    waiting = [(0, 0) for _ in range(0)]
-    for place in range(len(new)):
-        for e in range(near.shape[1]):
-            if near[place, e] >= 0 and after[near[place, e]] >= 0:
-                waiting.append((np.int64(apart[place, e]), place))
+    waiting = [
+        (int(apart[place, e]), place)
+        for place in range(len(new))
+        for e in range(near.shape[1])
+        if near[place, e] >= 0 and after[near[place, e]] >= 0
+    ]
     heapq.heapify(waiting)
     left = 0
     for _ in range(len(new)):
@@ -110,7 +112,7 @@ def _inserted(
         for at in range(begins[column], begins[column + 1]):
             follower = wanted_by[at] // near.shape[1]
             if after[new[follower]] < 0:
-                heapq.heappush(waiting, (np.int64(apart[follower, wanted_by[at] % near.shape[1]]), follower))
+                heapq.heappush(waiting, (int(apart[follower, wanted_by[at] % near.shape[1]]), int(follower)))
     chain = np.empty(len(former) + len(new), np.int64)
     column = after[count]
     for place in range(len(chain)):

@@ -50,7 +50,16 @@ def nearest_alike(
     places = np.arange(*block.indices(len(members)))
     return Nearest(
         *_alike(
-            columns.offsets, columns.rows, columns.height, members, groups, orders, ranks, places, int(most), int(window)
+            columns.offsets,
+            columns.rows,
+            columns.height,
+            members,
+            groups,
+            orders,
+            ranks,
+            places,
+            int(most),
+            int(window),
         )
     )
 

@@ -16,7 +16,7 @@ from storage.base.kernels import allocating_kernel
 
 def sample(members: np.ndarray) -> np.ndarray:
     """16 log2 n of n columns (n,), drawn at random, the same on every machine."""
-    size = min(len(members), 16 * max(int(len(members)).bit_length(), 1))
+    size = min(len(members), 16 * max(len(members).bit_length(), 1))
     drawn = np.argsort(mixed(np.arange(len(members), dtype=np.uint64)), kind="stable")[:size]
     return np.asarray(members[np.sort(drawn)])
 

@@ -7,6 +7,7 @@ several sorted orders of it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -124,7 +125,7 @@ def scattered(columns: Columns, members: np.ndarray, near: Nearest) -> Nearest:
 
 
 def spread(chain: np.ndarray, stands_for: np.ndarray) -> np.ndarray:
-    """All columns: those of a chain (c,) in its sequence, and behind each those that it stands for, by their numbers."""
+    """All columns: those of a chain (c,) in its sequence, behind each those that it stands for, by number."""
     count = len(stands_for)
     place = np.full(count, -1)
     place[chain] = np.arange(len(chain))
@@ -158,6 +159,6 @@ def _swept(columns: Columns, near: Nearest, path: np.ndarray, sweep: int, blockw
     """A path, each block of which is improved on its own; in odd sweeps blocks begin in the middle of those before."""
     framed = np.concatenate([[columns.count], path, [columns.count]])
     shift = STRETCH // 2 if sweep % 2 and len(path) > STRETCH else 0
-    begins = [0, *range(shift, len(path), STRETCH)] if shift else list(range(0, len(path), STRETCH))
-    stretches = [framed[first : end + 2] for first, end in zip(begins, [*begins[1:], len(path)], strict=True)]
+    bounds = [0, *range(shift or STRETCH, len(path), STRETCH), len(path)]
+    stretches = [framed[first : end + 2] for first, end in itertools.pairwise(bounds) if first < end]
     return np.concatenate([path[:0], *blockwise(lambda stretch: improved(columns, near, stretch), stretches)])

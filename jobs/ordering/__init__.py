@@ -12,6 +12,7 @@ Read in this order:
     improvement   2-opt and Or-opt on a block of a path
     tour          all of it: columns to an order
     insertion     new columns in an order that others have already
+    packing       where packs and shards begin along an order of meshes
 
 What takes long is done block by block: the nearest columns of some, the improvement of a stretch of the path. A block's
 result follows from the block alone, so the order is the same whoever works on them, and in which sequence.

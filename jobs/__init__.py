@@ -11,6 +11,7 @@ Read in this order:
     detail/       levels of every node of the tree, each with a certified error
     visibility/   what can be seen from a cell
     cells/        which cells there are: subtrees of the octree
+    ordering/     drawables in an order in which what changes together stands together
     running/      tasks, their results, and who does them
     report/       what a build did, for people
     checking/     an oracle for finished stores

@@ -9,6 +9,9 @@
     cells       what can be seen from each view cell                  waves of subtrees of the octree
     layout      the order of all cells, and which share a face        one task
     shards      vLODs and the changes across faces, in cell shards    one task for each subtree
+    order       the sequence in which meshes lie                      one task
+    packs       meshes in that sequence, in geometry shards           one task for each shard
+    index       where each mesh lies: the tables of the store         one task
 
 and at last the manifest. Until then readers see the former version of the store, or none. Whatever order tasks finish
 in, the results are put together in the order of their keys: the same model and parameters give the same bytes.
@@ -27,7 +30,18 @@ from jobs.running.memory import TASK_MEMORY, MemoryWatch
 from jobs.running.run import Run
 from jobs.running.tasks import TaskResult
 from jobs.running.workplace import Workplace
-from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
+from jobs.stages import (
+    cells,
+    hierarchy,
+    import_model,
+    layout,
+    nodes,
+    pieces,
+    shards,
+    shared,
+    tables,
+)
+from jobs.stages.packing import index, order, packs
 from jobs.stages.support.build_state import BuildState, StageFile
 from jobs.stages.support.written_geometry import geometry_section_of
 from storage.base.errors import ParameterError
@@ -48,6 +62,9 @@ STAGES: tuple[StageFile, ...] = (
     cells,
     layout,
     shards,
+    order,
+    packs,
+    index,
 )
 
 
@@ -89,7 +106,7 @@ def build(
             model=from_json(ModelSection, imported.record["model"], "the model"),
             pixel_angle=angle,
             parameters=parameters.to_json(),
-            geometry=geometry_section_of(place, tables.STAGE.name, state.one(tables.STAGE).key),
+            geometry=geometry_section_of(place, index.STAGE.name, state.one(index.STAGE).key),
             cells=cells_section(place.store, state.view_space(imported).octree, shards.written_shards(state)),
         )
         version = commit(place.store, manifest)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from storage.base.errors import ParameterError, StoreError
 from storage.meshes.facets import CONE, part_meshes
 from storage.meshes.mesh import LocalMesh, Mesh, Surfaces, in_model_space
-from storage.meshes.pack import Pack, unpack, unpack_source_faces
+from storage.meshes.pack import MeshArrays, Pack, unpack, unpack_source_faces
 from storage.meshes.placement import IDENTITY, normal_matrix, placed
 from storage.meshes.turned_away import Facets
 from storage.model.tables import DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART, Grid
@@ -113,6 +113,13 @@ class Geometry:
             decoded.colours[vertices],
             float(row["scale"]),
         )
+
+    def packed_mesh(self, geometry: int) -> MeshArrays:
+        """The mesh of row `geometry` of the GEOMETRY table as it was packed, source faces and all."""
+        row = self.geometry[geometry]
+        faces = self._faces(row) if self.packs["source_frame"][int(row["pack"])] >= 0 else None
+        local = self.local_mesh(geometry)
+        return MeshArrays(local.positions, local.triangles, local.normals, local.colours, faces, local.scale)
 
     def mesh(self, drawable: int) -> Mesh:
         """A drawable's triangles in model space.
@@ -211,16 +218,27 @@ class Geometry:
         row = self.drawables[drawable]
         node = self.nodes[int(row["node"])]
         geometry = self.geometry[int(row["geometry"])]
-        pack_row = self.packs[int(geometry["pack"])]
-        if row["level"] != 0 or node["end"] != row["node"] + 1 or pack_row["source_frame"] < 0:
+        coarser = self.packs["source_frame"][int(geometry["pack"])] < 0
+        if row["level"] != 0 or node["end"] != row["node"] + 1 or coarser:
             raise ParameterError(
                 f"drawable {drawable} is simplified: only the finest levels of leaves have source faces"
             )
-        shard = self._shard_files.reader(self._shards[int(pack_row["shard"])])
-        pairs = shard.decoded(int(pack_row["source_frame"]), Kind.SOURCE_FACES, unpack_source_faces)
-        start = int(geometry["triangle_start"])
-        parts, faces = pairs[start : start + int(geometry["triangles"])].T
+        parts, faces = self._faces(geometry).T
         return (parts if node["part"] == NO_PART else np.full_like(parts, node["part"])), faces
+
+    def _faces(self, row: np.void) -> NDArray[np.uint32]:
+        """Part and face (m, 2) of each triangle of a row of the GEOMETRY table, whose pack holds them."""
+
+        def load() -> tuple[NDArray[np.uint32], int]:
+            pack_row = self.packs[number]
+            shard = self._shard_files.reader(self._shards[int(pack_row["shard"])])
+            decoded = shard.decoded(int(pack_row["source_frame"]), Kind.SOURCE_FACES, unpack_source_faces)
+            return decoded, decoded.nbytes
+
+        number = int(row["pack"])
+        pairs: NDArray[np.uint32] = self._cache.get(("source faces", number), load)
+        start = int(row["triangle_start"])
+        return pairs[start : start + int(row["triangles"])]
 
     def names_of(self, node: int) -> list[str]:
         """The names of the parts that a node stands for, in the order of their first triangles; few of an inner one."""

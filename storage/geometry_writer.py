@@ -3,6 +3,7 @@
 The order of a build:
 
     write_geometry_shard   one per task; gives rows of GEOMETRY and PACK that count from the shard's start
+    write_packs            the same of meshes that were in packs before, in other packs
     join_geometry          joins those rows of all shards
     write_tables_shard     the joined tables
     geometry_section       names all that in the manifest; `open_geometry` reads it while the build runs
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from storage.meshes.pack import MeshArrays, ordered, pack, pack_source_faces
 from storage.model.tables import DRAWABLE, GEOMETRY, INSTANCE, NO_PART, NODE, PACK, PART
@@ -53,48 +54,83 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
 
     pieces: for each node its height (0: a leaf) and its levels, finest first, as `MeshArrays` (or tuples of fields).
     Holds a few packs in memory, never the shard. Level i of a node shares packs with level i of the nodes of the same
-    height before and after it, so that what is drawn together is fetched together: pass nodes in spatial order.
+    height before and after it, so that what is read together lies together: pass nodes in spatial order.
     The order of a mesh's triangles and vertices is changed (see storage.meshes.mesh_order), its source faces move
     along, and vertices that no triangle uses are dropped. Raises ValueError for arrays that do not fit together, and
     for a mesh of which some vertices are opaque and others not.
     """
-    rows: list[tuple[int, int, int, int, int, float]] = []
-    packs: list[tuple[int, int, int, int, int]] = []
     open_packs: dict[tuple[int, int], list[tuple[int, MeshArrays]]] = {}
     open_bytes: dict[tuple[int, int], int] = {}
-
     with ShardWriter(root) as shard:
-
-        def close(kind: tuple[int, int]) -> None:
-            members = open_packs.pop(kind)
-            open_bytes.pop(kind)
-            meshes = [mesh for _, mesh in members]
-            _check_alpha(meshes)
-            frame = shard.add(Kind.GEOMETRY, pack(meshes))
-            source_frame = -1
-            if any(mesh.source_faces is not None for mesh in meshes):
-                source_frame = shard.add(Kind.SOURCE_FACES, pack_source_faces(meshes))
-            vertex_start = triangle_start = 0
-            for row, mesh in members:
-                vertices, triangles = len(mesh.positions), len(mesh.triangles)
-                rows[row] = (len(packs), vertex_start, vertices, triangle_start, triangles, mesh.scale)
-                vertex_start += vertices
-                triangle_start += triangles
-            packs.append((0, frame, source_frame, vertex_start, triangle_start))
-
+        packs = _Packs(shard)
+        number = 0
         for height, levels in pieces:
             for level, given in enumerate(levels):
                 kind = (height, level)
                 mesh = ordered(MeshArrays(*given))
-                open_packs.setdefault(kind, []).append((len(rows), mesh))
-                rows.append((0, 0, 0, 0, 0, 0.0))
-                size = open_bytes.get(kind, 0) + 20 * len(mesh.positions) + 12 * len(mesh.triangles)
+                open_packs.setdefault(kind, []).append((number, mesh))
+                number += 1
+                size = open_bytes.get(kind, 0) + int(mesh_bytes(len(mesh.positions), len(mesh.triangles)))
                 open_bytes[kind] = size
                 if size >= PACK_BYTES:
-                    close(kind)
+                    packs.write(open_packs.pop(kind))
+                    open_bytes.pop(kind)
         for kind in sorted(open_packs):
-            close(kind)
-    return GeometryShardRecord(shard.record.name, shard.record.bytes, np.array(rows, GEOMETRY), np.array(packs, PACK))
+            packs.write(open_packs.pop(kind))
+    return packs.record(shard)
+
+
+def write_packs(root: Path, packs: Iterable[Sequence[MeshArrays]]) -> GeometryShardRecord:
+    """Writes packs into one shard of the store at `root`: the meshes of each, as `local_mesh` gives them.
+
+    The rows of GEOMETRY are in the order of the meshes. Raises ValueError for meshes that never were in a pack.
+    """
+    with ShardWriter(root) as shard:
+        written = _Packs(shard)
+        number = 0
+        for meshes in packs:
+            written.write(list(enumerate(meshes, number)))
+            number += len(meshes)
+    return written.record(shard)
+
+
+def mesh_bytes(vertices: ArrayLike, triangles: ArrayLike) -> np.ndarray:
+    """Bytes of meshes' arrays (n,) int64, from how many vertices and triangles they have: what fills a pack."""
+    return 20 * np.asarray(vertices, np.int64) + 12 * np.asarray(triangles, np.int64)
+
+
+class _Packs:
+    """The packs of a shard that is being written, and its rows of the tables."""
+
+    def __init__(self, shard: ShardWriter) -> None:
+        self._shard = shard
+        self._rows: dict[int, tuple[int, int, int, int, int, float]] = {}  # by the mesh's number in the shard
+        self._packs: list[tuple[int, int, int, int, int]] = []
+
+    def write(self, members: Sequence[tuple[int, MeshArrays]]) -> None:
+        """Writes a pack of meshes, each with its number in the shard."""
+        meshes = [mesh for _, mesh in members]
+        _check_alpha(meshes)
+        frame = self._shard.add(Kind.GEOMETRY, pack(meshes))
+        source_frame = -1
+        if any(mesh.source_faces is not None for mesh in meshes):
+            source_frame = self._shard.add(Kind.SOURCE_FACES, pack_source_faces(meshes))
+        vertex_start = triangle_start = 0
+        for number, mesh in members:
+            vertices, triangles = len(mesh.positions), len(mesh.triangles)
+            self._rows[number] = (
+                len(self._packs), vertex_start, vertices, triangle_start, triangles, mesh.scale,
+            )  # fmt: skip
+            vertex_start += vertices
+            triangle_start += triangles
+        self._packs.append((0, frame, source_frame, vertex_start, triangle_start))
+
+    def record(self, shard: ShardWriter) -> GeometryShardRecord:
+        """What the shard, finished, holds."""
+        rows = [self._rows[number] for number in range(len(self._rows))]
+        return GeometryShardRecord(
+            shard.record.name, shard.record.bytes, np.array(rows, GEOMETRY), np.array(self._packs, PACK)
+        )
 
 
 def join_geometry(records: Iterable[GeometryShardRecord]) -> tuple[np.ndarray, np.ndarray, list[ShardRecord]]:

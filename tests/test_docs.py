@@ -11,6 +11,7 @@ from jobs import commands as jobs_commands
 from jobs.importing.formats.gltf.textures import TEXTURES_KEPT
 from jobs.running.memory import PROCESS, TASK_MEMORY
 from jobs.stages import cells, hierarchy, import_model, layout, nodes, pieces, shards, shared, tables
+from jobs.stages.packing import index, order, packs
 from storage.base.amounts import format_size, parse_size
 
 MEMORY = (Path(__file__).parents[1] / "docs" / "memory.md").read_text()
@@ -47,6 +48,9 @@ def test_the_docs_know_the_option_and_its_default():
         ("cells", [cells.PER_TRIANGLE, cells.REST >> 20, cells.SEALED_PER_TRIANGLE]),
         ("layout", [layout.PER_CELL]),
         ("shards", [shards.PER_ID, shards.PER_CELL]),
+        ("order", [order.PER_ID, order.PER_NODE]),
+        ("packs", [packs.REST >> 20, packs.PER_NODE]),
+        ("index", [index.PER_NODE]),
         ("GLB, glTF", [TEXTURES_KEPT >> 20]),
         ("step", [PROCESS >> 20]),
         ("import", [import_model.PROCESS >> 20]),

@@ -51,7 +51,7 @@ class Assignment:
 
 
 #: The work of a task. It returns a record: small JSON; "shards" in it, a list of [name, bytes], are files of the
-#: store's shards folder that belong to the result.
+#: store's shards folder that belong to the result, "drafts" are those of the folder of drafts.
 Work = Callable[[Assignment], dict[str, Any]]
 
 
@@ -178,9 +178,10 @@ def _result_in(folder: Path, task: Task, place: Workplace) -> TaskResult | None:
     """The result of a task that lies in a directory, if it is whole and its shards are in the store."""
     try:
         saved = json.loads((folder / RECORD).read_text())
-        for name, size in saved["record"].get("shards", ()):
-            if (place.store / "shards" / name).stat().st_size != size:
-                return None
+        for root, kind in ((place.store, "shards"), (place.drafts, "drafts")):
+            for name, size in saved["record"].get(kind, ()):
+                if (root / "shards" / name).stat().st_size != size:
+                    return None
         return TaskResult(task, **saved, reused=True)
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -2,6 +2,7 @@
 
     WORK/lock, STORE/lock         there and held while a build runs; see jobs.running.lock
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
+    WORK/drafts/shards/           shards that only tasks read, as a store has them
     WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.base.temporary
 
 A result appears under its key in one atomic rename, whole. It is safe to delete the directory when no build runs.
@@ -28,6 +29,11 @@ class Workplace:
 
     work: Path  # results of tasks
     store: Path  # the store that is being built
+
+    @property
+    def drafts(self) -> Path:
+        """Where shards lie that are no part of the store: a root with a folder of shards, as a store has."""
+        return self.work / "drafts"
 
     def result(self, stage: str, key: str) -> Path:
         """Where the finished result of a task lies, or would lie."""
@@ -118,7 +124,7 @@ class Workplace:
         Folders of stages in which nothing was finished go as well.
         """
         removed = 0
-        for folder in (*self.work.glob("*/"), self.store, *self.store.glob("*/")):
+        for folder in (*self.work.glob("*/"), *self.drafts.glob("*/"), self.store, *self.store.glob("*/")):
             for path in abandoned(folder):
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)

@@ -17,7 +17,7 @@ from jobs.running.workplace import Workplace
 from jobs.stages import import_model, tables
 from jobs.stages.support import code
 from jobs.stages.support.build_state import BuildState, Tasks
-from jobs.stages.support.written_geometry import open_written
+from jobs.stages.support.written_geometry import open_drafted
 from storage.base.typed_json import to_json
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def tasks(state: BuildState) -> Tasks:
 
     joined = state.one(tables.STAGE)
     parameters = state.parameters.cells(state.view_space(state.one(import_model.STAGE)))
-    geometry = open_written(state.place, tables.STAGE.name, joined.key)
+    geometry = open_drafted(state.place, tables.STAGE.name, joined.key)
     check_budget(geometry, parameters.max_triangles)
 
     def task(root: int, triangles: int) -> Task:
@@ -118,4 +118,4 @@ def compute_cells(work: Assignment) -> dict[str, Any]:
 @functools.lru_cache(maxsize=1)
 def _geometry(place: Workplace, key: str) -> Geometry:
     """The geometry of a store that has no cells yet; a worker keeps it for its next task."""
-    return open_written(place, tables.STAGE.name, key)
+    return open_drafted(place, tables.STAGE.name, key)

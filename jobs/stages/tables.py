@@ -1,4 +1,4 @@
-"""Tables: the rows of all tasks on nodes to the tables of the whole model. One task."""
+"""Tables: the rows of all tasks on nodes to the tables of the whole model, for the tasks that come after. One task."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def tasks(state: BuildState) -> Tasks:
     payload = Payload(
         model=imported.record["model"]["digest"],
         hierarchy=tree.record["content"],
-        shards=tuple(tuple(result.record["shards"][0]) for result in written),
+        shards=tuple(tuple(result.record["drafts"][0]) for result in written),
         tables=tuple(result.record["content"] for result in written),
     )
     places = Places(imported.key, tree.key, tuple((result.task.stage.name, result.key) for result in written))
@@ -93,12 +93,12 @@ def join_tables(work: Assignment) -> dict[str, Any]:
     instances = np.zeros(len(placed), INSTANCE)
     instances["matrix"] = placed
     names = [model.names[name] for name in model.parts["name"].tolist()]
-    written = write_tables_shard(work.place.store, parts, names, instances, geometry, packs, joined, drawables)
+    written = write_tables_shard(work.place.drafts, parts, names, instances, geometry, packs, joined, drawables)
     section = geometry_section(model.grid.step, written, shards)
     content = to_json(section)
     (work.out / SECTION).write_text(json.dumps(content, sort_keys=True))
     return {
-        "shards": [[section.tables.name, section.tables.bytes]],
+        "drafts": [[section.tables.name, section.tables.bytes]],
         "content": content_key(content),
         "counts": content["counts"],
     }

@@ -19,7 +19,7 @@ from jobs.running.workplace import Workplace
 from jobs.stages import import_model, tables
 from jobs.stages.import_model import imported_model
 from jobs.stages.support.build_state import BuildState, StageFile
-from jobs.stages.support.written_geometry import open_written
+from jobs.stages.support.written_geometry import open_drafted
 from storage.base.progress import Silent
 from storage.geometry_reader import Geometry
 from storage.meshes.placement import transform_points
@@ -62,7 +62,7 @@ def _built(state: BuildState, stages: Sequence[StageFile]) -> Built:
         run = Run(state.place, SerialExecutor(), Silent(), watch)
         run_stages(stages, run, state)
     model = imported_model(state.place, state.one(import_model.STAGE).key)
-    return Built(model, open_written(state.place, tables.STAGE.name, state.one(tables.STAGE).key), run)
+    return Built(model, open_drafted(state.place, tables.STAGE.name, state.one(tables.STAGE).key), run)
 
 
 class Originals:

@@ -67,6 +67,9 @@ def test_the_report_agrees_with_the_store(built):
         "cells",
         "layout",
         "shards",
+        "order",
+        "packs",
+        "index",
     ]
     assert report.tasks_run == sum(stage.run for stage in report.stages) > 6
     assert report.tasks_reused == 0

@@ -84,6 +84,13 @@ CELLS = (
     "storage.meshes",
     "storage.model",
 )
+#: Meshes are copied from packs to packs.
+_PACKS = (*_ANY, *_MODEL, *_SHARDS, "jobs.stages.support.written_geometry", "storage.geometry_reader", "storage.meshes")
+_WRITTEN = ("storage.geometry_writer", "storage.model.tree")
+ORDER = (*_PACKS, *_WRITTEN, "jobs.stages.packing.order", "jobs.ordering")
+PACKS = (*_PACKS, *_WRITTEN, "jobs.stages.packing.packs")
+INDEX = (*_PACKS, *_WRITTEN, "jobs.stages.packing.index")
+
 LAYOUT = (*_ANY, "jobs.stages.layout", "storage.cells.octree")
 
 #: The modules of the codec that a shard is written in join these: see `with_imports`. Others have no say.

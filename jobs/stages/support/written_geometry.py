@@ -1,4 +1,4 @@
-"""The geometry of a store that has no cells yet: what the tables leave for all that comes after them."""
+"""The geometry of a build under way: what the tables, and at last the index, leave for all that comes after them."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ if TYPE_CHECKING:
     from storage.geometry_reader import Geometry
     from storage.shards.sections import GeometrySection
 
-#: File of a tables task: the manifest's section on geometry.
+#: File of a task on tables: the manifest's section on geometry.
 SECTION = "geometry.json"
 
 
 def geometry_section_of(place: Workplace, stage: str, key: str) -> GeometrySection:
-    """The manifest's section on geometry, from a task of the stage of tables."""
+    """The manifest's section on geometry, from a task of a stage that writes tables."""
     from storage.shards.sections import GeometrySection
 
     path = place.result(stage, key) / SECTION
     return from_json(GeometrySection, json.loads(path.read_text()), str(path))
 
 
-def open_written(place: Workplace, stage: str, key: str) -> Geometry:
-    """The geometry itself."""
+def open_drafted(place: Workplace, stage: str, key: str) -> Geometry:
+    """The geometry itself, from a task of the stage of tables."""
     from storage.geometry_reader import open_geometry
 
-    return open_geometry(place.store, geometry_section_of(place, stage, key))
+    return open_geometry(place.drafts, geometry_section_of(place, stage, key))

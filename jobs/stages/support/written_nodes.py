@@ -1,4 +1,4 @@
-"""The levels of nodes as they are made, to a geometry shard and to rows: what shared and nodes have in common."""
+"""The levels of nodes as they are made, to a draft of a shard and to rows: what shared and nodes share."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def write_nodes(work: Assignment, grid: Grid, made: Iterable[MadeNode]) -> dict[
             geometries += len(node.levels.levels)
             yield node.height, _meshes_of(node.levels)
 
-    shard = write_geometry_shard(work.place.store, meshes())
+    shard = write_geometry_shard(work.place.drafts, meshes())
     joined = np.concatenate([np.zeros(0, np.int64), *places])
     nodes, drawables = make_rows(placed)
     save_array(work.out / "places.npy", joined)
@@ -60,7 +60,7 @@ def write_nodes(work: Assignment, grid: Grid, made: Iterable[MadeNode]) -> dict[
     save_array(work.out / "geometry.npy", shard.geometry)
     save_array(work.out / "packs.npy", shard.packs)
     return {
-        "shards": [[shard.name, shard.bytes]],
+        "drafts": [[shard.name, shard.bytes]],
         "content": content_of_arrays(joined, nodes, drawables, shard.geometry, shard.packs),
     }
 

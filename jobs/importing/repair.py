@@ -2,9 +2,10 @@
 
 Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), with an
 alpha of 0 at all corners (readers make it so where nothing of a face is to be seen), without area, and faces whose
-corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
-exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
-second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
+corners lie where another face's corners lie. Of these the first that is opaque stays, where none is the first: what
+can be seen through adds nothing to an opaque face in its place, and must not take it away. Of the others, those that
+wind the other way are counted on their own: exporters that double every face to show both its sides write them, and
+since surfaces are drawn from both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
 position, normal and colour become one. Vertices that opaque faces share with faces that can be seen through are doubled
 before: see `two_kinds`.
 """
@@ -51,7 +52,10 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
         drop(np.all(invisible[triangles], axis=1), Defect.INVISIBLE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
-        same, reverse = _repeated(positions, triangles)
+        clear = np.zeros(len(triangles), bool)
+        if mesh.colours is not None and (thin := mesh.colours[:, 3] < OPAQUE).any():
+            clear = thin[triangles].any(axis=1)
+        same, reverse = _repeated(positions, triangles, clear)
         drop(same | reverse, Defect.DUPLICATE)
         if reverse.any():
             counts[Defect.REVERSED] = int(reverse.sum())
@@ -97,14 +101,19 @@ def _without_area(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return flat
 
 
-def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which faces repeat an earlier one by the positions of their corners: with the same winding, with the opposite."""
+def _repeated(positions: np.ndarray, triangles: np.ndarray, clear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which faces repeat another by the positions of their corners: with the same winding, with the opposite.
+
+    clear: (m,) bool, the faces that can be seen through: these repeat opaque ones that come after them, too.
+    """
     corners = first_equal(positions)[triangles]
     a, b, c = corners.T
     turned = (a < b) ^ (b < c) ^ (c < a)
-    first = first_equal(np.sort(corners, axis=1))
-    repeated = first != np.arange(len(first))
-    opposite = turned != turned[first]
+    order = np.argsort(clear, kind="stable")  # opaque faces first
+    kept = np.empty(len(order), np.int64)
+    kept[order] = order[first_equal(np.sort(corners[order], axis=1))]
+    repeated = kept != np.arange(len(kept))
+    opposite = turned != turned[kept]
     return repeated & ~opposite, repeated & opposite
 
 

@@ -5,9 +5,9 @@ alpha of 0 at all corners (readers make it so where nothing of a face is to be s
 corners lie where another face's corners lie. Of these the first that is opaque stays, where none is the first: what
 can be seen through adds nothing to an opaque face in its place, and must not take it away. Of the others, those that
 wind the other way are counted on their own: exporters that double every face to show both its sides write them, and
-since surfaces are drawn from both sides the second face adds nothing. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
-position, normal and colour become one. Vertices that opaque faces share with faces that can be seen through are doubled
-before: see `two_kinds`.
+since surfaces are drawn from both sides the second face adds nothing. What is left keeps its order; vertices that no
+face uses go, and vertices that are equal in position, normal and colour become one. Vertices that opaque faces share
+with faces that can be seen through are doubled before: see `two_kinds`.
 """
 
 from __future__ import annotations

@@ -38,6 +38,7 @@ class _Region:
 
     flat: NDArray[np.int64]  # (n,) flat indices of voxels
     interest: NDArray[np.float32]  # (n,) 0 to 1
+    off_height: NDArray[np.float32]  # (n,) from 0, at eye height above a floor, to 1
     cost: NDArray[np.float32]  # (nx, ny, nz) of a way through each voxel, infinite elsewhere
     room: NDArray[np.float32]  # (nx, ny, nz) distance to the nearest surface, in voxels
 
@@ -145,7 +146,7 @@ def _region(
     inside = np.full(occupied.shape, np.inf, np.float32)
     kept = tuple(places[best].T)
     inside[kept] = cost[kept]
-    return _Region(flat[best], interest[best], inside, room)
+    return _Region(flat[best], interest[best], off_height[best].astype(np.float32), inside, room)
 
 
 def _horizontal(up: int) -> NDArray[np.float64]:
@@ -160,6 +161,7 @@ def _horizontal(up: int) -> NDArray[np.float64]:
 def _route(region: _Region, voxels: Voxels, length: float, random: np.random.Generator) -> NDArray[np.int64] | None:
     """Voxels (n, 3) along a way of at least `length` model units through places far apart, if the region has one."""
     attraction = region.interest.astype(np.float64) * (0.85 + 0.3 * random.random(len(region.flat)))
+    attraction /= 1 + (4 * region.off_height) ** 2
     attraction *= np.minimum(region.room.ravel()[region.flat], 5) / 5
     here = int(region.flat[np.argmax(attraction)])
     visited = np.full(len(region.flat), np.inf)

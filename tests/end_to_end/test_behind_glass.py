@@ -128,8 +128,10 @@ def test_what_lies_behind_is_there_and_the_picture_is_that_of_the_full_model(tmp
     computed = np.flatnonzero(store.cells["computed"]).tolist()
     straight = [n for n in computed if store.cells["lo"][n, 0] <= 0 <= store.cells["hi"][n, 0]]
     assert straight
-    for cell in straight:
-        assert all(things_in(store, cell))
+    if closing == "door":  # it hides what stands on its side from some places, and nothing from all
+        assert np.any([things_in(store, cell) for cell in computed], axis=0).all()
+    else:
+        assert np.all([things_in(store, cell) for cell in straight])
     assert store.drawables["see_through"].any() == (closing != "door")
     report = verify(str(tmp_path / "store"), samples=3000, workers=1)
     assert report.problems == []

@@ -83,7 +83,7 @@ def _regions(model: ShownModel, voxels: Voxels, eyes: float) -> list[_Region]:
     eye = eyes / voxels.size
     room = clearance(occupied)
     below = free_run(occupied, AXES[model.store.manifest.model.up], -1)
-    high = (below >= 0.6 * eye - 1) & (below <= 1.4 * eye)
+    high = (below >= 0.75 * eye - 1) & (below <= 1.25 * eye)
     wanted = [high & (room >= max(_LEAST_ROOM, _ROOM_WALKING * eye))]
     if model.store.cells["computed"].any():
         wanted.append(room >= max(_LEAST_ROOM, _ROOM_FLOATING * eye))

@@ -123,14 +123,14 @@ def _region(
     at = tuple(places.T)
     above = free_run(occupied, up, 1)[at] >= 0
     interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)
-    off_height = np.where(below[at] < 0, 1, np.minimum(np.abs(below[at] + 0.5 - eye) / eye, 1))
+    off_height = np.where(below[at] < 0, 1, np.minimum(np.abs(below[at] + 1 - eye) / eye, 1))
     tight = np.maximum(1 - room[at] / (0.7 * eye), 0) ** 2 + 0.3 / np.maximum(room[at] - 0.5, 0.25)
     cost = np.full(occupied.shape, np.inf, np.float32)
     cost[at] = 1 + 3 * off_height + 6 * tight + 4 * (1 - interest)
     flat = np.ravel_multi_index(at, occupied.shape).astype(np.int64)
     best: NDArray[np.bool_] | None = None
     left = np.ones(len(flat), np.bool_)
-    best_score = 0.0
+    best_score = -1.0 if model.store.cells["computed"].any() else 0.0  # there even where nothing is to be seen
     while left.any():
         start = int(np.flatnonzero(left)[np.argmax(interest[left])])
         total, _ = cheapest_ways(cost, int(flat[start]))

@@ -8,7 +8,7 @@ Read in this order:
     geometry_reader    reading geometry
     vlod_reader        reading what can be seen from cells
     store              opening a store, and all that can be read from it
-    check              every byte of a store against its checksums
+    check              every byte of a store against its checksums; what is said to be see-through
     geometry_writer    writing geometry, and the order in which a store is written
     vlod_writer        writing what can be seen from cells
     cli/               `vlod`, the command line, and `vlod info`

@@ -135,8 +135,11 @@ class Store(Geometry):
         return sizes
 
     def check(self) -> Iterator[Problem]:
-        """Reads every byte of the store and yields what is wrong with it: nothing, for a sound store."""
-        return problems(self._shard_files, self.manifest)
+        """Reads every byte of the store and yields what is wrong with it: nothing, for a sound store.
+
+        Also what the tables say of a drawable's alpha against its mesh.
+        """
+        return problems(self._shard_files, self.manifest, self)
 
     def _computed(self, cell: int) -> None:
         if not 0 <= cell < len(self.cells):

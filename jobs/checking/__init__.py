@@ -5,7 +5,7 @@ Read in this order:
     verify      the parts of a check, one after the other
     findings    what was found, and the report of it
     workers     functions on one store, on all cores: in this process as long as that is quick
-    checksums   every byte against the checksums that name the shards
+    checksums   every byte against the checksums that name the shards; see-through against alpha
     deltas      every change between cells against the vLODs of both
     detail      the cut of a cell: the whole model, fine enough
     turned      which triangles of a cell's vLOD are not drawn, being turned away

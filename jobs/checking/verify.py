@@ -2,7 +2,8 @@
 
 What is checked:
 
-    checksums   every byte of every shard and of the manifest
+    checksums   every byte of every shard and of the manifest; and that of a drawable that is said to be see-through all
+                vertices have an alpha below 255, of all others none
     deltas      every change across a boundary is consistent with the vLODs of both its cells
     detail      a sampled cell's vLOD is part of its cut, and the cut stands for every leaf once, at an error below the
                 pixel error

@@ -2,12 +2,13 @@
 
 Removed, in this order: faces with an index out of range, with a position that is not finite (or absurdly far), with an
 alpha of 0 at all corners (readers make it so where nothing of a face is to be seen), without area, and faces whose
-corners lie where an earlier face's corners lie. Of the latter, those that wind the other way are counted on their own:
-exporters that double every face to show both its sides write them, and since surfaces are drawn from both sides the
-second face adds nothing, unless it has another colour: then the earlier face's is drawn on both sides, and such faces
-are counted apart. What is left keeps its order; vertices that no face uses go, and vertices that are equal in
-position, normal and colour become one. Vertices that opaque faces share with faces that can be seen through are doubled
-before: see `two_kinds`.
+corners lie where another face's corners lie. Of these the first that is opaque stays, where none is the first: what
+can be seen through adds nothing to an opaque face in its place, and must not take it away. Of the others, those that
+wind the other way are counted on their own: exporters that double every face to show both its sides write them, and
+since surfaces are drawn from both sides the second face adds nothing, unless it has another colour: then that of the
+one that stays is drawn on both sides, and such faces are counted apart. What is left keeps its order; vertices that no
+face uses go, and vertices that are equal in position, normal and colour become one. Vertices that opaque faces share
+with faces that can be seen through are doubled before: see `two_kinds`.
 """
 
 from __future__ import annotations
@@ -52,11 +53,14 @@ def repair(mesh: SourceMesh) -> tuple[MeshView | None, dict[Defect, int]]:
         drop(np.all(invisible[triangles], axis=1), Defect.INVISIBLE)
     drop(_without_area(positions, triangles), Defect.NO_AREA)
     if len(triangles):
-        corners, first, opposite = _repeated(positions, triangles)
-        repeated = first != np.arange(len(first))
+        clear = np.zeros(len(triangles), bool)
+        if mesh.colours is not None and (thin := mesh.colours[:, 3] < OPAQUE).any():
+            clear = thin[triangles].any(axis=1)
+        corners, staying, opposite = _repeated(positions, triangles, clear)
+        repeated = staying != np.arange(len(staying))
         if repeated.any():
             turned = np.flatnonzero(repeated & opposite)
-            others = _differing(mesh.colours, triangles, corners, turned, first[turned])
+            others = _differing(mesh.colours, triangles, corners, turned, staying[turned])
             counts[Defect.DUPLICATE] = int(np.count_nonzero(repeated)) - len(turned)
             counts[Defect.REVERSED], counts[Defect.OTHER_SIDE] = len(turned) - others, others
             kept, triangles = kept[~repeated], triangles[~repeated]
@@ -101,15 +105,21 @@ def _without_area(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return flat
 
 
-def _repeated(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The places (m, 3) of the faces' corners, by the first vertex at each; the first face (m,) between the same three
-    places; and whether (m,) it winds the other way.
+def _repeated(
+    positions: np.ndarray, triangles: np.ndarray, clear: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The places (m, 3) of the faces' corners, by the first vertex at each; of the faces between the same three places
+    the one that stays (m,): the first that is opaque, or the first; and whether (m,) a face winds the other way.
+
+    clear: (m,) bool, the faces that can be seen through.
     """
     corners = first_equal(positions)[triangles]
     a, b, c = corners.T
     turned = (a < b) ^ (b < c) ^ (c < a)
-    first = first_equal(np.sort(corners, axis=1))
-    return corners, first, turned != turned[first]
+    order = np.argsort(clear, kind="stable")  # opaque faces first
+    staying = np.empty(len(order), np.int64)
+    staying[order] = order[first_equal(np.sort(corners[order], axis=1))]
+    return corners, staying, turned != turned[staying]
 
 
 def _differing(

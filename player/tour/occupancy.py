@@ -176,7 +176,8 @@ def cheapest_ways(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:  # pragma: no cover - compiled
     """The cheapest ways from voxel `start` (flat index) to all others, through 26 neighbours.
 
-    cost (nx, ny, nz): of one voxel's length of way through each voxel; infinite where no way leads.
+    cost (nx, ny, nz): of one voxel's length of way through each voxel; infinite where no way leads, not even across its
+    edges and corners.
     Returns (n,) float32, the cost of the way to each voxel, infinite where there is none; (n,) int32: the one before.
     """
     nx, ny, nz = cost.shape
@@ -200,6 +201,13 @@ def cheapest_ways(
                     step = np.sqrt(np.float32(dx * dx + dy * dy + dz * dz)) * np.float32(0.5)
                     cheaper = np.float32(reached + step * (flat[here] + flat[there]))
                     if cheaper < total[there]:
+                        passed = np.float32(0.0)  # all voxels that the step touches
+                        for i in range(2):
+                            for j in range(2):
+                                for k in range(2):
+                                    passed += flat[((x + i * dx) * ny + y + j * dy) * nz + z + k * dz]
+                        if not np.isfinite(passed):
+                            continue
                         total[there] = cheaper
                         before[there] = here
                         heapq.heappush(heap, (cheaper, np.int64(there)))

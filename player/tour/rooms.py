@@ -2,7 +2,8 @@
 
 Where a floor lies below at eye height one can walk; a place is interesting if there is something to see around it. The
 walk visits places far apart in the largest interesting region, along ways that keep off the walls, smoothed, looking
-ahead.
+ahead. Where cells were computed it never leaves them: where no floor lies at eye height below them it floats, and where
+there is no way to go it looks around.
 """
 
 from __future__ import annotations
@@ -24,13 +25,20 @@ from player.tour.tour import FRAMES_PER_SECOND
 _STEP = 0.12
 
 
+#: Room around whoever walks, and whoever floats, in eye heights; never below _LEAST_ROOM voxels.
+_ROOM_WALKING, _ROOM_FLOATING, _LEAST_ROOM = 0.1, 0.25, 1.5
+
+#: Radians between two frames for whoever looks around.
+_TURN = 0.05
+
+
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Where one can walk."""
+    """Where one can go."""
 
-    voxels: NDArray[np.int64]  # (n, 3)
-    flat: NDArray[np.int64]  # (n,) their flat indices
+    flat: NDArray[np.int64]  # (n,) flat indices of voxels
     interest: NDArray[np.float32]  # (n,) 0 to 1
+    off_height: NDArray[np.float32]  # (n,) from 0, at eye height above a floor, to 1
     cost: NDArray[np.float32]  # (nx, ny, nz) of a way through each voxel, infinite elsewhere
     room: NDArray[np.float32]  # (nx, ny, nz) distance to the nearest surface, in voxels
 
@@ -38,49 +46,91 @@ class _Region:
 def walk_through_rooms(model: ShownModel, known: Survey, *, frames: int, seed: int) -> CameraPath | None:
     """A walk of `frames` poses; None where there is no region to walk through. The same for the same store and seed."""
     voxels, eyes = known.voxels, known.eye_height
-    region = _region(model, voxels, eyes)
-    if region is None:
-        return None
+    regions = _regions(model, voxels, eyes)
     length = frames * _STEP * eyes
-    route = _route(region, voxels, length, np.random.default_rng(seed))
-    if route is None:
+    for region in regions:
+        route = _route(region, voxels, length, np.random.default_rng(seed))
+        if route is None:
+            continue
+        line = _smooth(model, voxels.centres(route), voxels, region, eyes)
+        way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+        if way[-1] < min(2 * eyes, length / 2):
+            continue
+        stops = np.linspace(0, min(way[-1], length), frames)
+        positions = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
+        nearest = np.clip(np.searchsorted(way, stops), 0, len(line) - 1)
+        positions = np.where(_allowed(model, positions)[:, None], positions, line[nearest])
+        return _looking_ahead(model, positions, eyes)
+    if not regions or not model.store.cells["computed"].any():
         return None
-    line = _smooth(voxels.centres(route), voxels, region.room, eyes)
-    way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
-    if way[-1] < min(2 * eyes, length / 2):
-        return None
-    stops = np.linspace(0, min(way[-1], length), frames)
-    positions = np.stack([np.interp(stops, way, line[:, axis]) for axis in range(3)], axis=1)
-    return _looking_ahead(model, positions, eyes)
+    best = regions[0].flat[np.argmax(regions[0].interest)]
+    place = np.stack(np.unravel_index([best], voxels.occupied.shape), axis=1)
+    return _looking_around(model, voxels.centres(place)[0], frames)
 
 
-def _region(model: ShownModel, voxels: Voxels, eyes: float) -> _Region | None:
-    """The connected voxels at eye height with the most to see around them; None where one can walk nowhere."""
-    store, occupied = model.store, voxels.occupied
-    up = AXES[store.manifest.model.up]
+def _allowed(model: ShownModel, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the points (n, 3) lie in computed cells; all of them where there is no such cell."""
+    if not model.store.cells["computed"].any():
+        return np.ones(len(points), np.bool_)
+    return model.store.cell_at(points) >= 0
+
+
+def _regions(model: ShownModel, voxels: Voxels, eyes: float) -> list[_Region]:
+    """Where one can walk, and where cells were computed, where one can float: each the connected voxels with the most
+    to see around them. Those that are not there are left out.
+    """
+    occupied = voxels.occupied
     eye = eyes / voxels.size
     room = clearance(occupied)
-    below = free_run(occupied, up, -1)
-    walkable = (below >= 0.6 * eye - 1) & (below <= 1.4 * eye) & (room >= 1.5)
-    places = np.argwhere(walkable)
-    if len(places) and store.cells["computed"].any():
-        computed = store.cell_at(voxels.centres(places)) >= 0
-        if computed.any():
-            places = places[computed]
+    below = free_run(occupied, AXES[model.store.manifest.model.up], -1)
+    high = (below >= 0.75 * eye - 1) & (below <= 1.25 * eye)
+    wanted = [high & (room >= max(_LEAST_ROOM, _ROOM_WALKING * eye))]
+    if model.store.cells["computed"].any():
+        wanted.append(room >= max(_LEAST_ROOM, _ROOM_FLOATING * eye))
+    regions = []
+    for places in map(np.argwhere, wanted):
+        inside = places[_allowed(model, voxels.centres(places))]
+        region = _region(model, voxels, eye, inside[~_in_solids(voxels, inside)], room, below)
+        if region is not None:
+            regions.append(region)
+    return regions
+
+
+def _in_solids(voxels: Voxels, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the voxels (n, 3) lie inside solids: all that is seen from there turns its back."""
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    fronts, backs = (enclosure(voxels.occupied, sign * voxels.facing, places, directions) for sign in (1, -1))
+    return np.asarray((fronts == 0) & (backs > 0))
+
+
+def _region(
+    model: ShownModel,
+    voxels: Voxels,
+    eye: float,
+    places: NDArray[np.int64],
+    room: NDArray[np.float32],
+    below: NDArray[np.int32],
+) -> _Region | None:
+    """The connected ones of the voxels `places` (n, 3) with the most to see around them; None where there are none.
+
+    eye: in voxels; room, below (nx, ny, nz): voxels to the nearest surface, and to the floor.
+    """
     if not len(places):
         return None
+    up = AXES[model.store.manifest.model.up]
+    occupied = voxels.occupied
     around = enclosure(occupied, voxels.facing, places, _horizontal(up))
     at = tuple(places.T)
     above = free_run(occupied, up, 1)[at] >= 0
     interest = (around**2 * np.where(above, 1.0, 0.6)).astype(np.float32)
-    off_height = np.abs(below[at] + 0.5 - eye) / eye
+    off_height = np.where(below[at] < 0, 1, np.minimum(np.abs(below[at] + 1 - eye) / eye, 1))
     tight = np.maximum(1 - room[at] / (0.7 * eye), 0) ** 2 + 0.3 / np.maximum(room[at] - 0.5, 0.25)
     cost = np.full(occupied.shape, np.inf, np.float32)
     cost[at] = 1 + 3 * off_height + 6 * tight + 4 * (1 - interest)
     flat = np.ravel_multi_index(at, occupied.shape).astype(np.int64)
     best: NDArray[np.bool_] | None = None
     left = np.ones(len(flat), np.bool_)
-    best_score = 0.0
+    best_score = -1.0 if model.store.cells["computed"].any() else 0.0  # there even where nothing is to be seen
     while left.any():
         start = int(np.flatnonzero(left)[np.argmax(interest[left])])
         total, _ = cheapest_ways(cost, int(flat[start]))
@@ -96,7 +146,7 @@ def _region(model: ShownModel, voxels: Voxels, eyes: float) -> _Region | None:
     inside = np.full(occupied.shape, np.inf, np.float32)
     kept = tuple(places[best].T)
     inside[kept] = cost[kept]
-    return _Region(places[best], flat[best], interest[best], inside, room)
+    return _Region(flat[best], interest[best], off_height[best].astype(np.float32), inside, room)
 
 
 def _horizontal(up: int) -> NDArray[np.float64]:
@@ -111,6 +161,7 @@ def _horizontal(up: int) -> NDArray[np.float64]:
 def _route(region: _Region, voxels: Voxels, length: float, random: np.random.Generator) -> NDArray[np.int64] | None:
     """Voxels (n, 3) along a way of at least `length` model units through places far apart, if the region has one."""
     attraction = region.interest.astype(np.float64) * (0.85 + 0.3 * random.random(len(region.flat)))
+    attraction /= 1 + (4 * region.off_height) ** 2
     attraction *= np.minimum(region.room.ravel()[region.flat], 5) / 5
     here = int(region.flat[np.argmax(attraction)])
     visited = np.full(len(region.flat), np.inf)
@@ -139,8 +190,10 @@ def _route(region: _Region, voxels: Voxels, length: float, random: np.random.Gen
     return np.concatenate(pieces) if pieces else None
 
 
-def _smooth(line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32], eyes: float) -> NDArray[np.float64]:
-    """The line (n, 3) with its corners rounded, as far as it stays at least a voxel and a half off every surface."""
+def _smooth(
+    model: ShownModel, line: NDArray[np.float64], voxels: Voxels, region: _Region, eyes: float
+) -> NDArray[np.float64]:
+    """The line (n, 3) with its corners rounded, as far as it stays in the region, and in computed cells."""
     way = np.concatenate([[0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
     count = max(int(way[-1] / (0.5 * voxels.size)), 2) + 1
     stops = np.linspace(0, way[-1], count)
@@ -149,9 +202,9 @@ def _smooth(line: NDArray[np.float64], voxels: Voxels, room: NDArray[np.float32]
     for _ in range(8):
         smoother = _blurred(points, sigma / 3)
         voxel = np.floor((smoother - voxels.lo) / voxels.size).astype(np.int64)
-        voxel = np.clip(voxel, 0, np.array(room.shape) - 1)
-        safe = np.where(room[tuple(voxel.T)] >= 1.5, 1.0, 0.0)
-        share = np.minimum(_eroded(safe, 2), 1)[:, None]
+        voxel = np.clip(voxel, 0, np.array(region.cost.shape) - 1)
+        safe = np.isfinite(region.cost[tuple(voxel.T)]) & _allowed(model, smoother)
+        share = _eroded(safe.astype(np.float64), 2)[:, None]
         points = smoother * share + points * (1 - share)
     return points
 
@@ -187,3 +240,11 @@ def _looking_ahead(model: ShownModel, positions: NDArray[np.float64], eyes: floa
     angles = _blurred(angles, max(1.0, min(0.5 * ahead, len(positions) / 6)))
     orientations = [looking(yaw_pitch_direction(float(yaw), float(pitch), up_name), up) for yaw, pitch in angles]
     return CameraPath(np.arange(len(positions)) / FRAMES_PER_SECOND, positions, np.array(orientations))
+
+
+def _looking_around(model: ShownModel, position: NDArray[np.float64], frames: int) -> CameraPath:
+    """Poses at one place (3,) that turn to all sides."""
+    up_name = model.store.manifest.model.up
+    directions = [yaw_pitch_direction(frame * _TURN, 0.0, up_name) for frame in range(frames)]
+    orientations = np.array([looking(direction, up_vector(up_name)) for direction in directions])
+    return CameraPath(np.arange(frames) / FRAMES_PER_SECOND, np.tile(position, (frames, 1)), orientations)

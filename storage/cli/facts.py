@@ -41,6 +41,7 @@ def collect(store: Store) -> dict[str, Any]:
         "approximation": manifest.approximation,
         "pixel_angle": manifest.pixel_angle,
         "counts": manifest.counts,
+        "see_through": _see_through(store),
         "levels": _levels(store),
         "cells": _cells(store),
         "bytes": _bytes(store),
@@ -62,6 +63,12 @@ def _levels(store: Store) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def _see_through(store: Store) -> dict[str, int]:
+    """How many drawables can be seen through, and their triangles."""
+    own = store.drawables[store.drawables["see_through"]]
+    return {"drawables": len(own), "triangles": int(own["triangles"].sum(dtype=np.int64))}
 
 
 def _cells(store: Store) -> dict[str, Any]:

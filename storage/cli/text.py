@@ -40,6 +40,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
                 ("digest", str(model["digest"])),
                 ("instances", f"{counts['instances']:,}"),
                 ("nodes", f"{counts['nodes']:,}, {counts['leaves']:,} of them leaves"),
+                ("see-through", "{drawables:,} drawables of {triangles:,} triangles".format(**facts["see_through"])),
                 *([("approximation", MAY_MISS.format(how))] if (how := facts["approximation"]) else []),
                 ("pixel angle", f"{facts['pixel_angle']:.3g} model units per unit of distance"),
             ],

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from storage import open_store
 from storage.base.errors import CorruptStoreError, StoreError
+from storage.shards.shards import shard_path
 from storage.store import Store
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, mistold, room_parts
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,23 @@ def test_a_missing_file_is_found(sound: Store, tmp_path: Path) -> None:
         if name == "manifest.json":
             with pytest.raises(StoreError):
                 open_store(folder)
+
+
+@pytest.mark.parametrize("which", ["pane", "wall", "both"])
+def test_a_wrong_word_about_what_can_be_seen_through_is_found_and_named(tmp_path: Path, which: str) -> None:
+    wall = box_part("wall", (0, 0, 0), (2, 0.1, 2))
+    pane = box_part("pane", (3, 0, 0), (5, 0.1, 2), colour=(9, 9, 200, 80))
+    store = make_store(tmp_path / "s", [wall, pane], depth=1)
+    assert list(store.check()) == []
+    wrong = {"wall": [0, 1], "pane": [2, 3], "both": [0, 1, 2, 3]}[which]
+    told = mistold(store, wrong)
+    (problem,) = told.check()
+    assert problem.file == shard_path(told.manifest.geometry.tables.name)
+    assert f"drawable {wrong[0]} (and {len(wrong) - 1} more like it)" in str(problem)
+    said = "cannot be seen through, but the alpha of its vertices is 80 to 80"
+    if which != "pane":
+        said = "can be seen through, but the alpha of its vertices is 255 to 255"
+    assert said in str(problem)
 
 
 def test_a_newer_version_beside_an_open_store_is_no_problem(tmp_path: Path) -> None:

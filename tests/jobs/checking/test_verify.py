@@ -20,7 +20,7 @@ from storage.meshes.facets import find_turned_away
 from storage.shards.manifest import commit
 from storage.shards.shards import shard_path
 from storage.store import Store
-from tests.storage.tiny_store import box_part, make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, mistold, room_parts
 
 
 def test_a_store_that_shows_everything_is_sound(tmp_path: Path) -> None:
@@ -166,6 +166,17 @@ def test_work_that_takes_long_is_shared_out_on_the_way(tmp_path: Path, monkeypat
     monkeypatch.setattr("jobs.checking.workers.get_context", lambda name: began.append(name) or get_context(name))
     assert findings(verify(str(tmp_path / "store"), samples=100, cells=8)) == findings(alone)
     assert began == ["spawn", "spawn"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_pane_that_is_said_to_be_opaque_is_named(tmp_path: Path, workers: int) -> None:
+    parts = [*room_parts(), box_part("pane", (3, 3, 1), (5, 3.1, 2), colour=(9, 9, 200, 80))]
+    store = make_store(tmp_path / "store", parts, depth=1)
+    pane = int(np.flatnonzero(store.drawables["see_through"])[0])
+    mistold(store, [pane, pane + 1])
+    report = verify(str(tmp_path / "store"), samples=0, workers=workers)
+    assert (report.checksums.count, len(report.problems)) == (1, 1)
+    assert f"drawable {pane} (and 1 more like it) is said to be one that cannot be seen through" in report.problems[0]
 
 
 def test_what_lies_in_a_damaged_cell_shard_is_left_out_and_the_rest_is_checked(tmp_path: Path) -> None:

@@ -72,6 +72,35 @@ def test_of_two_colours_in_one_place_the_earlier_face_shows_its_own():
     assert (turned.colours == blue).all()
 
 
+@pytest.mark.parametrize("turned", [False, True], ids=["wound alike", "wound the other way"])
+@pytest.mark.parametrize("first", ["pane", "wall"])
+def test_of_faces_in_one_place_the_opaque_one_stays(first, turned):
+    """In either order; a pane in front of it in the same place would otherwise lay open what the wall hides."""
+    positions, triangles = box()
+    both = {"pane": (9, 90, 200, 100), "wall": (7, 7, 7, 255)}
+    other = next(name for name in both if name != first)
+    faces = np.concatenate([triangles, (triangles[:, ::-1] if turned else triangles) + 8])
+    colours = np.repeat(np.uint8([both[first], both[other]]), 8, axis=0)
+    mesh, counts = repair(SourceMesh("a", np.concatenate([positions, positions]), faces, None, colours))
+    assert counts == {Defect.OTHER_SIDE if turned else Defect.DUPLICATE: 12}
+    assert (mesh.colours == both["wall"]).all()
+    assert np.array_equal(mesh.source_faces, np.arange(12) + (12 if first == "pane" else 0))
+    assert np.array_equal(mesh.positions[mesh.triangles], positions[faces[mesh.source_faces] % 8])
+
+
+def test_of_several_faces_in_one_place_the_first_of_its_kind_stays():
+    positions = np.tile(np.eye(3), (5, 1))
+    alphas = np.repeat(np.uint8([90, 80, 255, 70, 255]), 3)
+    colours = np.stack([np.repeat(np.arange(5, dtype=np.uint8), 3)] * 3 + [alphas], axis=1)
+    faces = np.arange(15).reshape(5, 3)
+    mesh, counts = repair(SourceMesh("a", positions, faces, None, colours))
+    assert counts == {Defect.DUPLICATE: 4}
+    assert mesh.source_faces.tolist() == [2]
+    mesh, counts = repair(SourceMesh("a", positions, faces[[0, 1, 3]], None, colours))
+    assert counts == {Defect.DUPLICATE: 2}
+    assert mesh.source_faces.tolist() == [0]
+
+
 def test_minus_zero_is_zero():
     positions, triangles = terrain(2)
     doubled = np.concatenate([positions + 0.0, np.where(positions == 0, -0.0, positions)])

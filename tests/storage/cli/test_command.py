@@ -14,7 +14,7 @@ from storage.base.errors import ModelError
 from storage.cli import command
 from storage.cli.info import info
 from storage.shards.manifest import FORMAT
-from tests.storage.tiny_store import make_store, room_parts
+from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
 def _run(*args: str) -> Result:
@@ -132,6 +132,20 @@ def test_info_as_json_says_everything(tmp_path: Path) -> None:
     kinds = ("meshes", "source faces", "tables", "names", "key sets of cells", "changes across boundaries")
     assert sum(sizes[kind] for kind in kinds) + sizes["indices and checksums"] + sizes["manifest"] == sizes["total"]
     assert sizes["boundaries"] == 144
+
+
+def test_info_counts_what_can_be_seen_through(tmp_path: Path) -> None:
+    panes = [
+        box_part("pane", (3, 0, 0), (3.1, 2, 2), segments=(8, 1), colour=(9, 9, 200, 80)),
+        box_part("dim pane", (5, 0, 0), (5.1, 2, 2), colour=(9, 9, 200, 254)),
+    ]
+    store = make_store(tmp_path / "glass", [*room_parts(), *panes], depth=1)
+    facts = json.loads(_run("info", "--json", str(tmp_path / "glass")).output)["see_through"]
+    assert facts == {"drawables": 4, "triangles": 2 * 6 * (64 + 1 + 16 + 1)}
+    assert facts["drawables"] == store.drawables["see_through"].sum()
+    assert "4 drawables of 984 triangles" in _run("info", str(tmp_path / "glass")).output
+    make_store(tmp_path / "none", room_parts(), depth=1)
+    assert "0 drawables of 0 triangles" in _run("info", str(tmp_path / "none")).output
 
 
 def test_info_names_cells_with_a_raised_pixel_error(tmp_path: Path) -> None:

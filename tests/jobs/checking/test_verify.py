@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jobs.checking.findings import MOST_SPELLED, Problems, VerifyReport
-from jobs.checking.verify import verify
+from jobs.checking.verify import cells_to_sample, verify
 from storage.base.errors import CURE, StoreUnreachableError
 from storage.base.progress import Silent
 from storage.cells.deltas import Delta, difference
@@ -222,6 +222,17 @@ def test_a_folder_in_a_shards_place_is_called_one(tmp_path: Path) -> None:
     victim.mkdir()
     report = verify(str(tmp_path / "store"), samples=0, cells=8)
     assert report.problems == [f"{victim} is a folder and no file; {CURE}"]
+
+
+@pytest.mark.parametrize(("computed", "sampled"), [(0, 10), (64, 10), (101, 11), (680, 68), (5000, 100)])
+def test_a_tenth_of_the_cells_is_sampled_unless_told_otherwise(computed: int, sampled: int) -> None:
+    assert cells_to_sample(computed) == sampled
+
+
+def test_the_default_sample_is_what_is_looked_at(tmp_path: Path) -> None:
+    make_store(tmp_path / "store", room_parts(), depth=2)
+    report = verify(str(tmp_path / "store"), samples=10)
+    assert (report.cells, len(report.sampled)) == (64, 10)
 
 
 @pytest.mark.parametrize("purpose", ["tables", "geometry", "cell table", "cells"])

@@ -63,7 +63,7 @@ def build(
     """Builds a store, or its next version, from model files.
 
     inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default;
-    memory: that a task may need, in bytes, which changes no result.
+    memory: that a task may need, in bytes, which changes no result but that of cells which it is too small to look at.
     May be interrupted or killed at any moment; the same call again goes on where it was. What is refused for its inputs
     or for where its cells would lie leaves nothing behind. Raises ModelError,
     ParameterError, JobError, StoreError where the former version cannot be read, and OSError where files cannot be
@@ -78,7 +78,7 @@ def build(
     current(place.store)  # what the build will be the next version of: better to know now that it cannot be
     with place.made(), place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = Run(place, executor, progress or Silent(), watch, memory)
-        state = BuildState(place, inputs, parameters)
+        state = BuildState(place, inputs, parameters, memory)
         first, *later = STAGES
         run_stages((first,), run, state)
         imported = state.one(import_model.STAGE)

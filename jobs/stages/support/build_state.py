@@ -14,6 +14,7 @@ import numpy as np
 
 from jobs.parameters import BuildParameters, ViewSpace, view_space
 from jobs.running.executors import FollowersOf, no_followers
+from jobs.running.memory import TASK_MEMORY
 from jobs.running.tasks import Stage, Task, TaskResult
 from jobs.running.workplace import Workplace
 
@@ -25,6 +26,7 @@ class BuildState:
     place: Workplace
     inputs: Sequence[Path]  # files or folders of the model
     parameters: BuildParameters
+    memory: int = TASK_MEMORY  # that a task may need, in bytes
     results: dict[str, list[TaskResult]] = field(default_factory=dict)  # of the stages that are done, by name
 
     def all(self, stage: Stage) -> list[TaskResult]:

@@ -112,8 +112,8 @@ def build(
 def run_stages(stages: Iterable[StageFile], run: Run, state: BuildState) -> None:
     """Runs stages in their order; their results join the state."""
     for stage in stages:
-        first, followers_of = stage.tasks(state)
-        state.results[stage.STAGE.name] = run.all(stage.STAGE, first, followers_of)
+        found = stage.tasks(state)
+        state.results[stage.STAGE.name] = run.all(stage.STAGE, found.first, found.followers_of, found.waves_after)
 
 
 def _check_view_space(state: BuildState, imported: TaskResult) -> None:

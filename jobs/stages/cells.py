@@ -64,7 +64,7 @@ def tasks(state: BuildState) -> Tasks:
     from jobs.cells.budget import check_budget
     from jobs.cells.cuts import Leaves
     from jobs.cells.needs import triangles_needed
-    from jobs.cells.task_keys import children_in_view
+    from jobs.cells.task_keys import LEVELS_PER_TASK, bottom_of, children_in_view
     from storage.cells.octree import ROOT, depth
     from storage.model.cut import coarsest_triangles
 
@@ -109,9 +109,13 @@ def tasks(state: BuildState) -> Tasks:
         for key, triangles in zip(record["open_keys"], record["open_triangles"], strict=True):
             yield from below(key, triangles)
 
+    def waves_after(task: Task) -> int:
+        bottom = bottom_of(task.payload["root"], parameters, task.payload["alone"])
+        return -(-(parameters.max_depth - bottom) // LEVELS_PER_TASK)
+
     needed = triangles_needed(geometry, ROOT, parameters, around)
     first = below(ROOT, needed) if needed <= most_held or not bounded else cell(ROOT)
-    return Tasks(list(first), followers_of)
+    return Tasks(list(first), followers_of, waves_after)
 
 
 def finished_cells(state: BuildState) -> list[TaskResult]:

@@ -332,7 +332,7 @@ def test_progress_hears_of_every_part(tmp_path: Path) -> None:
         def start(self, step: str) -> None:
             self.said.append(step)
 
-        def update(self, done: int, total: int) -> None:
+        def update(self, done: int, total: int, before: int = 0) -> None:
             self.last = (done, total)
 
         def finish(self, note: str) -> None:

@@ -80,7 +80,7 @@ def build(
     """Builds a store, or its next version, from model files.
 
     inputs: files or folders; work: directory for tasks' results on the same file system, `store`/work by default;
-    memory: that a task may need, in bytes, which changes no result.
+    memory: that a task may need, in bytes, which changes no result but that of cells which it is too small to look at.
     May be interrupted or killed at any moment; the same call again goes on where it was. What is refused for its inputs
     or for where its cells would lie leaves nothing behind. Raises ModelError,
     ParameterError, JobError, StoreError where the former version cannot be read, and OSError where files cannot be
@@ -95,7 +95,7 @@ def build(
     current(place.store)  # what the build will be the next version of: better to know now that it cannot be
     with place.made(), place.locked(), place.cleaned(), MemoryWatch() as watch:
         run = Run(place, executor, progress or Silent(), watch, memory)
-        state = BuildState(place, inputs, parameters)
+        state = BuildState(place, inputs, parameters, memory)
         first, *later = STAGES
         run_stages((first,), run, state)
         imported = state.one(import_model.STAGE)
@@ -129,8 +129,8 @@ def build(
 def run_stages(stages: Iterable[StageFile], run: Run, state: BuildState) -> None:
     """Runs stages in their order; their results join the state."""
     for stage in stages:
-        first, followers_of = stage.tasks(state)
-        state.results[stage.STAGE.name] = run.all(stage.STAGE, first, followers_of)
+        found = stage.tasks(state)
+        state.results[stage.STAGE.name] = run.all(stage.STAGE, found.first, found.followers_of, found.waves_after)
 
 
 def _check_view_space(state: BuildState, imported: TaskResult) -> None:

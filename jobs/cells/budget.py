@@ -1,4 +1,4 @@
-"""The most triangles that a cell may report: how coarse its cut must be where it cannot be split any more.
+"""The most triangles that a cell may report, or its cut may have: how coarse it must be where it cannot be split.
 
 The allowed error is raised step by step: 1, 1.5, 2, 3, 4, 6, 8 ... times the one asked for. The cell remembers it, so
 that a reader of the store chooses the very same cut. Beyond hundreds of pixels even what touches the cell becomes
@@ -48,27 +48,35 @@ def coarsen(
     triangles_of: Callable[[np.ndarray], int],
     look: Callable[[np.ndarray], CellVisibility | None],
     pixel_error: float,
-    most: int,
+    most: int | None,
     expected: int = 1,
+    most_held: int | None = None,
 ) -> Coarsened:
-    """The cell at a low step of the ladder at which it reports no more than `most` triangles.
+    """The cell at a low step of the ladder at which it reports no more than `most` triangles, of a cut of `most_held`.
 
-    Between step 0, which is known to report too many, and the first step whose whole cut is small enough: first the
-    expected step and the one beside it, then by bisection. The step below the result was tried and reports too many.
+    Between step 0, or the last one whose cut cannot be held, and the first step whose whole cut is small enough: first
+    the expected step and the one beside it, then by bisection. The step below the result was tried and reports too
+    many, or could not be tried.
 
     Args:
         cut_at: the cell's cut at an allowed error in pixels.
         triangles_of: how many triangles a cut has.
         look: what can be seen of a cut; None where that is more than `most` triangles.
         pixel_error: the allowed error of step 0.
-        most: what `check_budget` found possible.
+        most: what `check_budget` found possible; None: any number.
         expected: a step that may well be the result.
+        most_held: triangles of the largest cut that may be looked at, at least those of the coarsest; None: any number.
     """
     holds = 1
-    while triangles_of(cut := cut_at(raised_error(pixel_error, holds))) > most:
+    cut = cut_at(raised_error(pixel_error, holds))
+    while most_held is not None and triangles_of(cut) > most_held:
         holds += 1
+        cut = cut_at(raised_error(pixel_error, holds))
+    too_many = holds - 1
+    while most is not None and triangles_of(cut) > most:
+        holds += 1
+        cut = cut_at(raised_error(pixel_error, holds))
     found: CellVisibility | None = None
-    too_many = 0
     tried = 0
     while holds - too_many > 1:
         middle = (too_many + holds) // 2

@@ -60,13 +60,18 @@ def uncrowded(key: int, bottom: int, parameters: CellParameters, around: Leaves)
             yield from uncrowded(child, bottom, parameters, inside)
 
 
-def cuts_of(store: Geometry, root_key: int, parameters: CellParameters, around: Leaves) -> dict[int, np.ndarray]:
-    """The cuts of the cells that the task below a key may give: those that touch the view box and are not crowded."""
-    bottom = bottom_of(root_key, parameters)
+def cuts_of(
+    store: Geometry, root_key: int, parameters: CellParameters, around: Leaves, alone: bool = False
+) -> dict[int, np.ndarray]:
+    """The cuts of the cells that the task below a key may give: those that touch the view box and are not crowded.
+
+    alone: of the task on the key's own cell.
+    """
+    bottom = bottom_of(root_key, parameters, alone)
     inside = around.within(root_key, parameters)
     return {
         key: cut_of(store, key, parameters, parameters.pixel_error)
-        for first in first_keys(root_key, parameters)
+        for first in first_keys(root_key, parameters, alone)
         for key in uncrowded(first, bottom, parameters, inside)
     }
 

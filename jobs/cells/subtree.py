@@ -44,14 +44,22 @@ class SubtreeResult:
     open_keys: list[int]  # sorted in Morton order
 
 
-def compute_subtree(store: Geometry, root_key: int, parameters: CellParameters, around: Leaves) -> SubtreeResult:
+def compute_subtree(
+    store: Geometry,
+    root_key: int,
+    parameters: CellParameters,
+    around: Leaves,
+    alone: bool = False,
+    most_held: int | None = None,
+) -> SubtreeResult:
     """Work out the cells of the levels of one task below a key.
 
     The octree's own root is worked out too; any other root is known to need splitting. around: leaves, at least those
-    inside the cell of the key.
+    inside the cell of the key. alone: work out the key's own cell and none below it. most_held: its cut has more
+    triangles than this, so that it gets a coarser one of no more; only of a cell at the depth limit, alone.
     """
-    task = _Task(store, root_key, parameters, around)
-    finished = [cell for key in first_keys(root_key, parameters) for cell in task.cells_of(key)]
+    task = _Task(store, root_key, parameters, around, alone, most_held)
+    finished = [cell for key in first_keys(root_key, parameters, alone) for cell in task.cells_of(key)]
     sets = [cell.visible for cell in finished]
     cells = np.array([cell.row for cell in finished], CELL) if finished else np.zeros(0, CELL)
     offsets = np.concatenate([[0], np.cumsum([len(s) for s in sets], dtype=np.int64)]).astype(np.int64)
@@ -69,12 +77,21 @@ class _Cell(NamedTuple):
 class _Task:
     """The cells of one task, which share the triangles that any of them may see."""
 
-    def __init__(self, store: Geometry, root_key: int, parameters: CellParameters, around: Leaves) -> None:
+    def __init__(
+        self,
+        store: Geometry,
+        root_key: int,
+        parameters: CellParameters,
+        around: Leaves,
+        alone: bool,
+        most_held: int | None,
+    ) -> None:
         self.open_keys: list[int] = []  # cells found to need splitting below the task's last level, in Morton order
         self._expected_step = 1  # of the budget's ladder: that of the last cell, which often suits its neighbour
         self._store, self._parameters = store, parameters
-        self._bottom = bottom_of(root_key, parameters)
-        self._cuts = cuts_of(store, root_key, parameters, around)
+        self._bottom = bottom_of(root_key, parameters, alone)
+        self._most_held = most_held
+        self._cuts = cuts_of(store, root_key, parameters, around, alone) if most_held is None else {}
         ids = used(store, self._cuts.values())
         self._facets = store.facets(ids)
         self._engine = Engine(gather(store, ids, parameters.engine), parameters.engine)
@@ -86,7 +103,7 @@ class _Task:
         if (cell := self._whole(key, most)) is not None:
             return [cell]
         if depth == self._parameters.max_depth:
-            assert most is not None, "without a budget the last cells are worked out whatever they see"
+            assert most is not None or self._most_held is not None, "else the last cells are worked out as they are"
             return [self._coarsened(key, most)]
         if depth == self._bottom:
             self.open_keys.append(key)
@@ -114,8 +131,8 @@ class _Task:
             return None
         return self._finished(self._engine, self._facets, key, cut, found, self._parameters.pixel_error)
 
-    def _coarsened(self, key: int, most_triangles: int) -> _Cell:
-        """A cell at the depth limit that reports too much, with a cut so coarse that it does not any more.
+    def _coarsened(self, key: int, most_triangles: int | None) -> _Cell:
+        """A cell at the depth limit that reports too much, or has too large a cut, with one coarse enough.
 
         Coarser drawables are read when they are tried, one cut at a time: most cells need none.
         """
@@ -134,6 +151,7 @@ class _Task:
             parameters.pixel_error,
             most_triangles,
             self._expected_step,
+            self._most_held,
         )
         self._expected_step = coarser.step
         # only approximate cells look at their cut once more

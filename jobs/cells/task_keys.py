@@ -25,12 +25,14 @@ def children_in_view(key: int, parameters: CellParameters) -> list[int]:
     return [int(k) for k in keys[touches]]
 
 
-def first_keys(root_key: int, parameters: CellParameters) -> list[int]:
-    """The topmost cells that the task below a key may give."""
-    return [root_key] if root_key == octree.ROOT else children_in_view(root_key, parameters)
+def first_keys(root_key: int, parameters: CellParameters, alone: bool = False) -> list[int]:
+    """The topmost cells that the task below a key may give; `alone`: that of the task on the key's own cell."""
+    return [root_key] if alone or root_key == octree.ROOT else children_in_view(root_key, parameters)
 
 
-def bottom_of(root_key: int, parameters: CellParameters) -> int:
-    """The depth of the last cells that the task below a key works out."""
+def bottom_of(root_key: int, parameters: CellParameters, alone: bool = False) -> int:
+    """The depth of the last cells that the task below a key works out, or that on the key's own cell, `alone`."""
     top = octree.depth(root_key)
+    if alone:
+        return top
     return min(top + levels_of_task(top, parameters.max_depth), parameters.max_depth)

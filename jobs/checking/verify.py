@@ -17,6 +17,7 @@ how many there are. What lies in a damaged shard is left out of the parts that f
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
@@ -36,6 +37,10 @@ from storage.base.progress import Progress, Silent
 from storage.shards.files import Files
 from storage.shards.manifest import FILE, from_bytes
 
+#: Cells to sample by default: a part of those that were computed, so that a check takes a part of what the build took,
+#: whatever a cell of the model costs; within these numbers.
+SHARE, FEWEST, MOST = 0.1, 10, 100
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -44,7 +49,7 @@ def verify(
     url: str,
     *,
     samples: int = 1000,
-    cells: int = 100,
+    cells: int | None = None,
     seed: int = 0,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -54,7 +59,8 @@ def verify(
     Args:
         url: of the store.
         samples: rays per sampled cell; 0 leaves the oracle out.
-        cells: how many cells to sample, spread evenly over the octree's order; all where the store has no more.
+        cells: how many cells to sample, spread evenly over the octree's order; all where the store has no more. By
+            default a tenth of them, from 10 to 100: see `cells_to_sample`.
         seed: of the sampling. The findings do not depend on the number of workers.
         workers: processes that work; by default one for each core, or this one alone where there is little to do.
         progress: hears of the parts.
@@ -66,7 +72,7 @@ def verify(
         WorkerLostError: a worker died.
         ParameterError: samples or cells below 0, workers below 1.
     """
-    if samples < 0 or cells < 0:
+    if samples < 0 or (cells is not None and cells < 0):
         raise ParameterError(f"samples and cells must not be negative, not {samples} and {cells}")
     if workers is not None and workers < 1:
         raise ParameterError(f"workers must be 1 or more, not {workers}")
@@ -85,7 +91,8 @@ def verify(
         damaged = _check_checksums(parts, report)
         if unopened is None:
             readable = _check_deltas(parts, report, damaged)
-            chosen = readable[_spread(len(readable), cells)].tolist()
+            wanted = cells_to_sample(report.cells) if cells is None else cells
+            chosen = readable[_spread(len(readable), wanted)].tolist()
             _check_detail(parts, report, chosen)
             if samples:
                 _check_visibility(parts, report, [Sample(cell, samples, seed) for cell in chosen])
@@ -93,6 +100,11 @@ def verify(
             report.checksums.note([unopened])
     report.seconds = time.perf_counter() - began
     return report
+
+
+def cells_to_sample(computed: int) -> int:
+    """How many of a store's computed cells are sampled by default: SHARE of them, from FEWEST to MOST."""
+    return min(MOST, max(FEWEST, math.ceil(SHARE * computed)))
 
 
 def _opened(url: str) -> tuple[Place, str | None]:

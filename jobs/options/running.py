@@ -1,4 +1,7 @@
-"""Where a build's tasks run, what they may take, and what is told of them. None of it changes a result."""
+"""Where a build's tasks run, what they may take, and what is told of them.
+
+None of it changes a result, but for cells that are too large for --memory.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +41,8 @@ SECTION = Section(
             metavar="SIZE",
             default="2GiB",
             show_default=True,
-            help="What one task may need, such as 4GiB or 1500MB. What would need more is refused before it begins. "
-            "Changes no result.",
+            help="What one task may need, such as 4GiB or 1500MB. View cells that would need more are split unseen, and at "
+            "the deepest level their pixel error is raised; anything else is refused before it begins.",
         ),
         click.Option(
             ["--work"],

@@ -12,5 +12,5 @@ Read in this order:
     ray_executor      tasks on a cluster: the only module that knows Ray
     choose_executor   which of them a build runs on
     compiling_signs   that a worker compiles, told to the build
-    run               stages one after the other, and what they took
+    run               stages one after the other, how many tasks they will have, and what they took
 """

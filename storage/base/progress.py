@@ -1,14 +1,25 @@
-"""Telling how far a build is: bars on a terminal, one line per step elsewhere, nothing in library calls."""
+"""Telling how far a build is: bars on a terminal, lines elsewhere, nothing in library calls.
+
+How long a step will still take is told from its first moment on: what was done so far tells how long the rest takes,
+and at first a guess stands for one more thing that was done.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from contextlib import AbstractContextManager
 from types import TracebackType
-from typing import Any, Protocol, Self, TextIO
+from typing import Any, NamedTuple, Protocol, Self, TextIO
 
 from storage.base.compiling import WhenLong, listening, notice
+
+#: Seconds between two lines of a step that goes on, in a log.
+EVERY = 60.0
+
+#: Seconds that one thing of a step is guessed to take before any was done.
+GUESS = 5.0
 
 
 class Progress(Protocol):
@@ -18,8 +29,8 @@ class Progress(Protocol):
         """A step begins."""
         ...
 
-    def update(self, done: int, total: int) -> None:
-        """So much of the current step is done; the total may grow."""
+    def update(self, done: int, total: int, before: int = 0) -> None:
+        """So much of the current step is done, `before` of it before the step began; the total may change."""
         ...
 
     def finish(self, note: str) -> None:
@@ -33,7 +44,7 @@ class Silent:
     def start(self, step: str) -> None:
         """See `Progress.start`."""
 
-    def update(self, done: int, total: int) -> None:
+    def update(self, done: int, total: int, before: int = 0) -> None:
         """See `Progress.update`."""
 
     def finish(self, note: str) -> None:
@@ -67,30 +78,93 @@ class _Heard(Silent):
         raise NotImplementedError
 
 
-class Lines(_Heard):
-    """Writes one line for each finished step: for log files."""
+def seconds_left(seconds: float, done: int, total: int, before: int = 0) -> float:
+    """How long a step will still take, in seconds, after `seconds` of it; for the rest see `Progress.update`."""
+    return (seconds + GUESS) / (done - before + 1) * max(0, total - done)
 
-    def __init__(self, stream: TextIO) -> None:
+
+def time_left(seconds: float) -> str:
+    """A time left, for people: rounded to what an estimate is worth."""
+    if seconds < 90:
+        return f"about {max(10, round(seconds, -1)):.0f} s left"
+    if seconds < 90 * 60:
+        return f"about {seconds / 60:.0f} min left"
+    return f"about {seconds / 3600:.1f} h left"
+
+
+class _Step(NamedTuple):
+    """How far a step is."""
+
+    name: str
+    began: float  # as time.monotonic tells it
+    done: int = 0
+    total: int | None = None
+    before: int = 0
+
+    def told(self) -> str:
+        """It as a line."""
+        seconds = time.monotonic() - self.began
+        if self.total is None:
+            return f"{self.name}: {seconds:.0f} s so far"
+        left = time_left(seconds_left(seconds, self.done, self.total, self.before))
+        return f"{self.name}: {self.done:,} of about {self.total:,} after {seconds:.0f} s, {left}"
+
+
+class Lines(_Heard):
+    """Writes a line for each finished step, and one a minute for a step that goes on: for log files."""
+
+    def __init__(self, stream: TextIO, every: float = EVERY) -> None:
+        """every: seconds between two lines of a step that goes on."""
         self._stream = stream
-        self._step = ""
-        self._began = 0.0
-        self._told = WhenLong(lambda: self._write(f"{self._step}: {notice('a few minutes')}"))
+        self._step: _Step | None = None
+        self._told = WhenLong(lambda: self._write(f"{self._step_name()}: {notice('a few minutes')}"))
+        self._every = every
+        self._ended = threading.Event()
+        self._writing = threading.Lock()
+        self._ticker = threading.Thread(target=self._tick, name="progress", daemon=True)
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
-        self._step, self._began = step, time.monotonic()
+        self._step = _Step(step, time.monotonic())
+
+    def update(self, done: int, total: int, before: int = 0) -> None:
+        """See `Progress.update`."""
+        if self._step is not None:
+            self._step = self._step._replace(done=done, total=total, before=before)
 
     def finish(self, note: str) -> None:
         """See `Progress.finish`."""
-        seconds = time.monotonic() - self._began
-        self._write(f"{self._step}: {note} ({seconds:.1f} s)")
+        step, self._step = self._step, None
+        assert step is not None, "a step begins before it ends"
+        self._write(f"{step.name}: {note} ({time.monotonic() - step.began:.1f} s)")
+
+    def __enter__(self) -> Self:
+        self._ticker.start()
+        return super().__enter__()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        super().__exit__(kind, error, trace)
+        self._ended.set()
+        self._ticker.join()
+
+    def _tick(self) -> None:
+        """A line whenever the current step, or what came since, has been silent for a while."""
+        while not self._ended.wait(self._every):
+            if (step := self._step) is not None and time.monotonic() - step.began >= 0.9 * self._every:
+                self._write(step.told())
+
+    def _step_name(self) -> str:
+        return "" if self._step is None else self._step.name
 
     def _compiling(self, active: bool) -> None:
         self._told(active)
 
     def _write(self, line: str) -> None:
-        self._stream.write(line + "\n")
-        self._stream.flush()
+        with self._writing:
+            self._stream.write(line + "\n")
+            self._stream.flush()
 
 
 class Bars(_Heard):
@@ -98,15 +172,25 @@ class Bars(_Heard):
 
     def __init__(self, stream: TextIO) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, Task, TextColumn, TimeElapsedColumn
         from rich.progress import Progress as RichProgress
+        from rich.text import Text
+
+        class TimeLeft(ProgressColumn):
+            """What `seconds_left` says; nothing of a step that is done or whose size is not known."""
+
+            def render(self, task: Task) -> Text:
+                if task.total is None or task.finished:
+                    return Text("")
+                done, total, before = int(task.completed), int(task.total), int(task.fields["before"])
+                return Text(time_left(seconds_left(task.elapsed or 0.0, done, total, before)))
 
         self._bars: Any = RichProgress(
             TextColumn("{task.description:<10}"),
             BarColumn(bar_width=30),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            TimeLeft(),
             TextColumn("{task.fields[note]}"),
             console=Console(file=stream),
         )
@@ -114,11 +198,11 @@ class Bars(_Heard):
 
     def start(self, step: str) -> None:
         """See `Progress.start`."""
-        self._task = self._bars.add_task(step, total=None, note="")
+        self._task = self._bars.add_task(step, total=None, note="", before=0)
 
-    def update(self, done: int, total: int) -> None:
+    def update(self, done: int, total: int, before: int = 0) -> None:
         """See `Progress.update`."""
-        self._bars.update(self._task, completed=done, total=total)
+        self._bars.update(self._task, completed=done, total=total, before=before)
 
     def finish(self, note: str) -> None:
         """See `Progress.finish`."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from storage.base.typed_json import to_json
+from storage.model.tree import leaves
 from storage.shards.manifest import FILE
 from storage.shards.shards import Kind
 from storage.store import Store
@@ -49,19 +50,30 @@ def collect(store: Store) -> dict[str, Any]:
 
 
 def _levels(store: Store) -> list[dict[str, Any]]:
+    """The levels of leaves, and then those of the nodes above them, which stand for much and are seen from afar.
+
+    drawn_from: the distances, in model units, from which their errors are allowed by the build's pixel error.
+    """
     rows = store.drawables
+    leaf = leaves(store.nodes)[rows["node"]]
+    allowed = float(store.manifest.parameters.get("pixel_error", 1.0)) * store.manifest.pixel_angle
     found = []
-    for level in np.unique(rows["level"]).tolist():
-        own = rows[rows["level"] == level]
-        found.append(
-            {
-                "level": level,
-                "drawables": len(own),
-                "triangles": int(own["triangles"].sum(dtype=np.int64)),
-                "median_error": float(np.median(own["error"])),
-                "largest_error": float(own["error"].max()),
-            }
-        )
+    for of, among in (("leaves", rows[leaf]), ("nodes above", rows[~leaf])):
+        for level in np.unique(among["level"]).tolist():
+            own = among[among["level"] == level]
+            median, largest = float(np.median(own["error"])), float(own["error"].max())
+            found.append(
+                {
+                    "of": of,
+                    "level": level,
+                    "drawables": len(own),
+                    "triangles": int(own["triangles"].sum(dtype=np.int64)),
+                    "median_error": median,
+                    "largest_error": largest,
+                    "median_drawn_from": median / allowed + median,
+                    "largest_drawn_from": largest / allowed + largest,
+                }
+            )
     return found
 
 

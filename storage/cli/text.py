@@ -46,15 +46,18 @@ def sections(facts: dict[str, Any]) -> list[Section]:
             ],
         ),
         Section(
-            "Drawables",
-            ("level", "drawables", "triangles", "median error", "largest error"),
+            "Drawables: how far they are from the model, and from what distance that is within the pixel error",
+            ("level of", "drawables", "triangles", "error, median", "drawn from", "largest", "drawn from"),
             [
                 (
-                    str(row["level"]),
+                    f"{row['of']}, {row['level']}",
                     f"{row['drawables']:,}",
                     f"{row['triangles']:,}",
-                    f"{row['median_error']:.3g}",
-                    f"{row['largest_error']:.3g}",
+                    *(
+                        length(row[f"{which}_{what}"] * model["unit_in_metres"])
+                        for which in ("median", "largest")
+                        for what in ("error", "drawn_from")
+                    ),
                 )
                 for row in facts["levels"]
             ],
@@ -168,7 +171,7 @@ def _raised_sections(raised: Sequence[dict[str, Any]]) -> list[Section]:
         for row in raised[:LARGEST]
     ]
     heads = ("cell", "pixel error", "reported", "from", "to")
-    return [Section(f"Cells with a raised pixel error, to keep --max-triangles{told}", heads, rows)]
+    return [Section(f"Cells with a raised pixel error, to keep --max-triangles or --memory{told}", heads, rows)]
 
 
 def plain(section: Section) -> str:
@@ -211,6 +214,14 @@ def show(found: Sequence[Section]) -> None:
         for row in section.rows:
             table.add_row(*row)
         console.print(table)
+
+
+def length(metres: float) -> str:
+    """A length for people, in the unit that suits it, to three digits."""
+    for unit, size in (("km", 1e3), ("m", 1.0), ("mm", 1e-3)):
+        if float(f"{metres / size:.3g}") >= 1:
+            return f"{float(f'{metres / size:.3g}'):,g} {unit}"
+    return f"{metres / 1e-6:.3g} µm"
 
 
 def _times(ratio: float | None) -> str:

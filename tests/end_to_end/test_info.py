@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from storage.cells.octree import Octree, neighbours
+from storage.cli.text import length
+from storage.model.tree import leaves
 from storage.shards.manifest import commit
 from storage.store import Store
 from storage.vlod_writer import cells_section, write_cell_shard
@@ -33,6 +35,36 @@ def test_info_of_a_store(tmp_path: Path) -> None:
     assert facts["cells"]["turned_triangles"] == turned.sum() > 0
     assert facts["cells"]["turned_share"] == pytest.approx((turned / triangles).mean())
     assert f"{100 * (turned / triangles).mean():.1f} % of a vLOD's triangles" in done.stdout
+
+
+def test_info_tells_errors_in_units_and_from_where_they_are_allowed(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "room.store", room_parts(), pixel_error=2.0)
+    facts = json.loads(_vlod("info", tmp_path / "room.store", "--json").stdout)
+    leaf = leaves(store.nodes)[store.drawables["node"]]
+    levels = {(row["of"], row["level"]): row for row in facts["levels"]}
+    assert sum(row["drawables"] for row in levels.values()) == len(store.drawables)
+    assert list(levels) == sorted(levels)  # leaves first
+    allowed = 2.0 * store.manifest.pixel_angle
+    for (of, level), row in levels.items():
+        rows = store.drawables[(leaf == (of == "leaves")) & (store.drawables["level"] == level)]
+        error = float(rows["error"].max())
+        assert (row["drawables"], row["largest_error"]) == (len(rows), error)
+        assert error == pytest.approx(allowed * (row["largest_drawn_from"] - error))
+    lines = [line.split() for line in _vlod("info", tmp_path / "room.store").stdout.splitlines()]
+    told = next(line for line in lines if line[:2] == ["leaves,", "0"])
+    metres = levels["leaves", 0]["largest_drawn_from"] * store.manifest.model.unit_in_metres
+    number, unit = told[-2:]
+    assert float(number.replace(",", "")) * {"km": 1e3, "m": 1, "mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(
+        metres, rel=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("metres", "told"),
+    [(0, "0 µm"), (4.21e-7, "0.421 µm"), (9.999e-4, "1 mm"), (0.0357, "35.7 mm"), (357, "357 m"), (2.5e6, "2,500 km")],
+)
+def test_lengths_are_told_in_the_unit_that_suits_them(metres: float, told: str) -> None:
+    assert length(metres) == told
 
 
 def test_info_tells_how_tight_cells_are_and_which_are_the_worst(tmp_path: Path) -> None:

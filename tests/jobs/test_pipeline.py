@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 import jobs.pipeline
+import jobs.stages.cells
 from jobs.cells.cuts import Leaves
 from jobs.checking.verify import verify
 from jobs.parameters import BuildParameters
 from jobs.pipeline import build
 from jobs.running.errors import MemoryLimitError, WorkInUseError
-from jobs.running.executors import SerialExecutor
+from jobs.running.executors import SerialExecutor, no_followers
+from jobs.running.memory import PROCESS
 from jobs.running.workplace import Workplace
+from jobs.visibility.settings import QUALITIES
 from storage import open_store
 from storage.base.errors import (
     CURE,
@@ -31,6 +34,9 @@ from storage.shards.manifest import FORMAT, to_bytes
 from tests.jobs.tiny_model import write_rooms
 
 PARAMETERS = BuildParameters(triangles_per_cell=150, max_depth=3)
+
+#: Triangles: cuts of the model at 60 pixels have 312 to 348.
+ROOM = 330
 
 
 @pytest.fixture(scope="session")
@@ -158,6 +164,44 @@ def test_cells_that_are_known_to_be_crowded_are_split_without_a_look_at_their_tr
     build([model], tmp_path / "store", PARAMETERS, SerialExecutor())
     assert any(seen)
     assert shards(tmp_path / "store") == shards(built[0])
+
+
+@pytest.mark.parametrize("max_triangles", [None, 200])
+def test_what_is_too_large_to_look_at_is_split_unseen_or_gets_a_coarser_cut(
+    model, built, tmp_path, monkeypatch, max_triangles
+):
+    """Room for some cells' cuts and not for others', twice, and to the same bytes."""
+    asked: list[int] = []
+
+    class Noting(SerialExecutor):
+        def run(self, tasks, place, followers_of=no_followers):
+            def noted(more):
+                for task in more:
+                    asked.append(task.memory)
+                    yield task
+
+            return super().run(noted(tasks), place, lambda result: list(noted(followers_of(result))))
+
+    monkeypatch.setattr(jobs.stages.cells, "PER_TRIANGLE", 1 << 20)
+    parameters = dataclasses.replace(PARAMETERS, pixel_error=60.0, max_triangles=max_triangles)
+    reached = []
+    for name, triangles in (("ample", 1 << 20), ("scarce", ROOM), ("again", ROOM)):
+        asked.clear()
+        memory = PROCESS + jobs.stages.cells.REST + QUALITIES[parameters.quality].image_bytes + (triangles << 20)
+        build([model], tmp_path / name, parameters, Noting(), memory=memory)
+        assert 0 < max(asked) <= memory
+        reached.append(open_store(tmp_path / name).cells)
+    ample, scarce, again = reached
+    assert shards(tmp_path / "scarce") == shards(tmp_path / "again")
+    assert scarce["cut_triangles"].max() <= ROOM < ample["cut_triangles"].max()
+    raised = scarce["pixel_error"] > parameters.pixel_error
+    assert raised.any()
+    assert (scarce["depth"][raised] == parameters.max_depth).all()
+    volume = [float((cells["hi"] - cells["lo"]).prod(axis=1).sum()) for cells in (ample, scarce)]
+    assert np.isclose(*volume)
+    if max_triangles is not None:
+        assert scarce["triangles"].max() <= max_triangles
+    assert verify(str(tmp_path / "scarce"), samples=300).problems == []
 
 
 def test_another_place_gives_the_same_bytes(model, built, tmp_path):

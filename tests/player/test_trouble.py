@@ -202,7 +202,7 @@ def test_a_walk_that_waits_is_whole_again_once_the_server_is_back(server: Unstea
 
         def start(self, step: str) -> None: ...
 
-        def update(self, done: int, total: int) -> None:
+        def update(self, done: int, total: int, before: int = 0) -> None:
             if done == 10:
                 server.become("well")
             time.sleep(0.01)

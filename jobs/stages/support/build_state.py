@@ -14,6 +14,8 @@ import numpy as np
 
 from jobs.parameters import BuildParameters, ViewSpace, view_space
 from jobs.running.executors import FollowersOf, no_followers
+from jobs.running.memory import TASK_MEMORY
+from jobs.running.run import WavesAfter, no_waves
 from jobs.running.tasks import Stage, Task, TaskResult
 from jobs.running.workplace import Workplace
 
@@ -25,6 +27,7 @@ class BuildState:
     place: Workplace
     inputs: Sequence[Path]  # files or folders of the model
     parameters: BuildParameters
+    memory: int = TASK_MEMORY  # that a task may need, in bytes
     results: dict[str, list[TaskResult]] = field(default_factory=dict)  # of the stages that are done, by name
 
     def all(self, stage: Stage) -> list[TaskResult]:
@@ -48,6 +51,7 @@ class Tasks(NamedTuple):
 
     first: Iterable[Task]
     followers_of: FollowersOf = no_followers  # tasks that can be made once a result is there
+    waves_after: WavesAfter = no_waves  # how many waves of tasks may follow from one
 
 
 class StageFile(Protocol):

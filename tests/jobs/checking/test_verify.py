@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jobs.checking.findings import MOST_SPELLED, Problems, VerifyReport
-from jobs.checking.verify import verify
+from jobs.checking.verify import cells_to_sample, verify
 from storage.base.errors import CURE, StoreUnreachableError
 from storage.base.progress import Silent
 from storage.cells.deltas import Delta, difference
@@ -235,6 +235,17 @@ def test_a_folder_in_a_shards_place_is_called_one(tmp_path: Path) -> None:
     assert report.problems == [f"{victim} is a folder and no file; {CURE}"]
 
 
+@pytest.mark.parametrize(("computed", "sampled"), [(0, 10), (64, 10), (101, 11), (680, 68), (5000, 100)])
+def test_a_tenth_of_the_cells_is_sampled_unless_told_otherwise(computed: int, sampled: int) -> None:
+    assert cells_to_sample(computed) == sampled
+
+
+def test_the_default_sample_is_what_is_looked_at(tmp_path: Path) -> None:
+    make_store(tmp_path / "store", room_parts(), depth=2)
+    report = verify(str(tmp_path / "store"), samples=10)
+    assert (report.cells, len(report.sampled)) == (64, 10)
+
+
 @pytest.mark.parametrize("purpose", ["tables", "geometry", "cell table", "cells"])
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_shard_that_cannot_be_read_is_a_problem_and_the_rest_is_checked(
@@ -332,7 +343,7 @@ def test_progress_hears_of_every_part(tmp_path: Path) -> None:
         def start(self, step: str) -> None:
             self.said.append(step)
 
-        def update(self, done: int, total: int) -> None:
+        def update(self, done: int, total: int, before: int = 0) -> None:
             self.last = (done, total)
 
         def finish(self, note: str) -> None:

@@ -43,7 +43,7 @@ class Heard:
     def start(self, step: str) -> None:
         self.calls.append(step)
 
-    def update(self, done: int, total: int) -> None:
+    def update(self, done: int, total: int, before: int = 0) -> None:
         self.calls.append((done, total))
 
     def finish(self, note: str) -> None:

@@ -77,7 +77,8 @@ def write_geometry_shard(root: Path, pieces: Iterable[tuple[int, Sequence[MeshAr
                     open_bytes.pop(kind)
         for kind in sorted(open_packs):
             packs.write(open_packs.pop(kind))
-    return packs.record(shard)
+        packs.finish()
+    return packs.record()
 
 
 def write_packs(root: Path, packs: Iterable[Sequence[MeshArrays]]) -> GeometryShardRecord:
@@ -91,7 +92,8 @@ def write_packs(root: Path, packs: Iterable[Sequence[MeshArrays]]) -> GeometrySh
         for meshes in packs:
             written.write(list(enumerate(meshes, number)))
             number += len(meshes)
-    return written.record(shard)
+        written.finish()
+    return written.record()
 
 
 def mesh_bytes(vertices: ArrayLike, triangles: ArrayLike) -> np.ndarray:
@@ -100,10 +102,14 @@ def mesh_bytes(vertices: ArrayLike, triangles: ArrayLike) -> np.ndarray:
 
 
 class _Packs:
-    """The packs of a shard that is being written, and its rows of the tables."""
+    """The packs of a shard that is being written, and its rows of the tables.
+
+    Packs lie side by side, so that neighbours are read at once; behind them all lie the source faces, which few read.
+    """
 
     def __init__(self, shard: ShardWriter) -> None:
         self._shard = shard
+        self._source_faces: list[tuple[int, bytes]] = []  # of packs, by number
         self._rows: dict[int, tuple[int, int, int, int, int, float]] = {}  # by the mesh's number in the shard
         self._packs: list[tuple[int, int, int, int, int]] = []
 
@@ -112,9 +118,8 @@ class _Packs:
         meshes = [mesh for _, mesh in members]
         _check_alpha(meshes)
         frame = self._shard.add(Kind.GEOMETRY, pack(meshes))
-        source_frame = -1
         if any(mesh.source_faces is not None for mesh in meshes):
-            source_frame = self._shard.add(Kind.SOURCE_FACES, pack_source_faces(meshes))
+            self._source_faces.append((len(self._packs), pack_source_faces(meshes)))
         vertex_start = triangle_start = 0
         for number, mesh in members:
             vertices, triangles = len(mesh.positions), len(mesh.triangles)
@@ -123,10 +128,17 @@ class _Packs:
             )  # fmt: skip
             vertex_start += vertices
             triangle_start += triangles
-        self._packs.append((0, frame, source_frame, vertex_start, triangle_start))
+        self._packs.append((0, frame, -1, vertex_start, triangle_start))
 
-    def record(self, shard: ShardWriter) -> GeometryShardRecord:
-        """What the shard, finished, holds."""
+    def finish(self) -> None:
+        """Writes the source faces of all packs."""
+        for number, faces in self._source_faces:
+            shard, frame, _, vertices, triangles = self._packs[number]
+            self._packs[number] = (shard, frame, self._shard.add(Kind.SOURCE_FACES, faces), vertices, triangles)
+
+    def record(self) -> GeometryShardRecord:
+        """What the shard holds, once it is whole."""
+        shard = self._shard
         rows = [self._rows[number] for number in range(len(self._rows))]
         return GeometryShardRecord(
             shard.record.name, shard.record.bytes, np.array(rows, GEOMETRY), np.array(self._packs, PACK)

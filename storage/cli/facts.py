@@ -51,7 +51,7 @@ def collect(store: Store) -> dict[str, Any]:
 def _levels(store: Store) -> list[dict[str, Any]]:
     """The levels of leaves, and then those of the nodes above them, which stand for much and are seen from afar.
 
-    drawn_from: the distances, in model units, from which their errors are allowed by the build's pixel error.
+    allowed_from: the distances, in model units, from which their errors are allowed by the build's pixel error.
     """
     rows = store.drawables
     leaf = leaves(store.nodes)[rows["node"]]
@@ -69,8 +69,8 @@ def _levels(store: Store) -> list[dict[str, Any]]:
                     "triangles": int(own["triangles"].sum(dtype=np.int64)),
                     "median_error": median,
                     "largest_error": largest,
-                    "median_drawn_from": median / allowed + median,
-                    "largest_drawn_from": largest / allowed + largest,
+                    "median_allowed_from": median / allowed + median,
+                    "largest_allowed_from": largest / allowed + largest,
                 }
             )
     return found

@@ -141,7 +141,7 @@ def _histogram(reported: np.ndarray, proven: np.ndarray) -> list[dict[str, Any]]
 
 
 def _raised(store: Store, numbers: np.ndarray) -> list[dict[str, Any]]:
-    """Those of some cells whose pixel error was raised to keep --max-triangles, the largest error first."""
+    """Those of some cells whose pixel error was raised to keep --max-triangles or --memory, the largest error first."""
     built_for = np.float32(store.manifest.parameters.get("pixel_error", 1.0))
     errors = store.cells["pixel_error"][numbers]
     order = np.lexsort((numbers, -errors))

@@ -170,7 +170,7 @@ def _raised_sections(raised: Sequence[dict[str, Any]]) -> list[Section]:
         for row in raised[:LARGEST]
     ]
     heads = ("cell", "pixel error", "reported", "from", "to")
-    return [Section(f"Cells with a raised pixel error, to keep --max-triangles or --memory{told}", heads, rows)]
+    return [Section(f"Cells with a raised pixel error, to keep a bound{told}", heads, rows)]
 
 
 def plain(section: Section) -> str:

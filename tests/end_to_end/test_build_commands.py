@@ -168,7 +168,7 @@ def test_a_budget_holds_and_info_lists_what_it_cost(store, tmp_path):
     assert facts["cells"]["largest_triangles"] <= most
     assert facts["cells"]["raised"]
     assert all(row["pixel_error"] > 1 and row["reported_triangles"] <= most for row in facts["cells"]["raised"])
-    assert "to keep --max-triangles" in vlod("info", tmp_path / "s").stdout
+    assert "to keep a bound" in vlod("info", tmp_path / "s").stdout
     assert said(vlod("verify", tmp_path / "s", "--cells", 20, "--samples", 200, "--json"))["ok"]
 
 

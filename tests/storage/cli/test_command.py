@@ -200,6 +200,6 @@ def test_info_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     ]
     assert [line for line in lines if line in titles] == titles
     rows = [line.split() for line in lines]
-    assert ["level", "drawables", "triangles", "median", "error", "largest", "error"] in rows
+    assert ["leaves,", "0", "12", "3,840", "1", "mm", "2.24", "m", "1", "mm", "2.24", "m"] in rows
     assert ["computed", "64", "of", "64"] in rows
     assert [row[1:3] for row in rows if row[:1] == ["7"]] == [["3", f"{store.cells['triangles'][7]:,}"]]

@@ -68,6 +68,8 @@ def build(
     if as_json:
         click.echo(done.to_text(), nl=False)
     else:
+        for line in done.left_out():
+            click.echo(line)
         click.echo(
             f"{store}: version {done.version}, {done.counts['computed_cells']} cells, "
             f"{done.counts['drawables']} drawables, {done.bytes['total'] / 1e6:.1f} MB, {done.seconds:.1f} s"

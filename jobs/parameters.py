@@ -34,6 +34,7 @@ class BuildParameters(GroupedParameters):
             max_triangles=self.max_triangles,
             pixel_angle=self.pixel_angle(),
             pixel_error=self.pixel_error,
+            min_depth=space.min_depth,
             visibility=Visibility(self.quality, self.visibility_engine, self.sampled, self.seal or 0.0),
         )
 
@@ -51,6 +52,7 @@ class ViewSpace:
     octree: Octree
     lo: tuple[float, float, float]  # cells that do not reach into this box are skipped
     hi: tuple[float, float, float]
+    min_depth: int  # of cells
     max_depth: int
 
 
@@ -59,7 +61,7 @@ def view_space(
 ) -> ViewSpace:
     """The octree and the box of cells for a model with the box model_lo to model_hi (3,), in model space.
 
-    Raises ParameterError where the region lies outside the view box.
+    Raises ParameterError where the region lies outside the view box, and for cells too small for an octree of them.
     """
     if parameters.view_box is None:
         size = model_hi - model_lo
@@ -68,9 +70,10 @@ def view_space(
     else:
         lo, hi = _corners(parameters.view_box, origin)
     octree = Octree.around(lo, hi)
-    depth = parameters.max_depth
+    shallowest, deepest = 0, parameters.max_depth
     if parameters.cell_size is not None:
-        depth = min(MAX_DEPTH, max(0, math.floor(math.log2(octree.size / parameters.cell_size) + 1e-9)))
+        octree, deepest = _octree_of_cells(octree, parameters.cell_size)
+        shallowest = deepest
     if parameters.region is not None:
         region_lo, region_hi = _corners(parameters.region, origin)
         within_lo, within_hi = np.maximum(lo, region_lo), np.minimum(hi, region_hi)
@@ -80,9 +83,24 @@ def view_space(
                 f"{np.round(np.concatenate([lo, hi]) + np.tile(origin, 2), 6).tolist()}: choose a region inside it"
             )
         lo, hi = within_lo, within_hi
-    return ViewSpace(
-        octree, (float(lo[0]), float(lo[1]), float(lo[2])), (float(hi[0]), float(hi[1]), float(hi[2])), depth
-    )
+    low, high = ((float(corner[0]), float(corner[1]), float(corner[2])) for corner in (lo, hi))
+    return ViewSpace(octree, low, high, shallowest, deepest)
+
+
+def _octree_of_cells(around: Octree, edge: float) -> tuple[Octree, int]:
+    """An octree with the same centre whose cells have that edge at some depth, no smaller than `around`; the depth.
+
+    Raises ParameterError where an octree cannot be as deep.
+    """
+    depth = max(0, math.ceil(math.log2(around.size / edge) - 1e-9))
+    if depth > MAX_DEPTH:
+        raise ParameterError(
+            f"cells of {edge:g} are too small for a view space of {around.size:g}: choose --cell-size "
+            f"{around.size / 2**MAX_DEPTH:.2g} or more"
+        )
+    size = max(around.size, edge * 2**depth)
+    x, y, z = ((around.lo[axis] + around.size / 2) - size / 2 for axis in range(3))
+    return Octree((x, y, z), size), depth
 
 
 def _corners(box: Box, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from jobs.cells.task_keys import count_cells
 from jobs.parameters import BuildParameters
 from jobs.report.build_report import BuildReport
 from jobs.running.executors import Executor
@@ -100,6 +101,7 @@ def build(
         run_stages((first,), run, state)
         imported = state.one(import_model.STAGE)
         _check_view_space(state, imported)
+        _tell_cells(state, imported, run)
         run_stages(later, run, state)
 
         manifest = Manifest(
@@ -141,6 +143,15 @@ def _check_view_space(state: BuildState, imported: TaskResult) -> None:
         if not imported.reused:
             state.place.forget(import_model.STAGE.name, imported.key)
         raise
+
+
+def _tell_cells(state: BuildState, imported: TaskResult, run: Run) -> None:
+    """Says how many cells there will be, where that is known beforehand."""
+    space = state.view_space(imported)
+    if state.parameters.cell_size is not None:
+        run.progress.start("view space")
+        edge = space.octree.size / 2**space.max_depth
+        run.progress.finish(f"{count_cells(space.octree, space.lo, space.hi, space.max_depth):,} cells of {edge:g}")
 
 
 def _shard_bytes(manifest: Manifest) -> dict[str, int]:

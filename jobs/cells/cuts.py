@@ -42,7 +42,9 @@ class Leaves(NamedTuple):
         return Leaves(self.lo[inside], self.hi[inside], self.triangles[inside])
 
     def crowd(self, key: int, parameters: CellParameters) -> bool:
-        """Whether these, which lie inside a cell, are more than it may report already."""
+        """Whether a cell is split whatever is seen: it is too large, or these, which lie inside it, are too many."""
+        if octree.depth(key) < parameters.min_depth:
+            return True
         most = parameters.most_triangles(octree.depth(key))
         return most is not None and int(self.triangles.sum(dtype=np.int64)) > most
 

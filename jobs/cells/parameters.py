@@ -37,6 +37,7 @@ class CellParameters:
     pixel_angle: float  # see storage.model.cut.pixel_angle
     pixel_error: float  # allowed error in pixels; raised where a cell would be above max_triangles
     visibility: Visibility
+    min_depth: int = 0  # shallowest level of cells: all above are split
 
     @cached_property
     def engine(self) -> EngineSettings:

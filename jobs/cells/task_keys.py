@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
 from jobs.cells.parameters import CellParameters
 from storage.cells import octree
 
@@ -23,6 +28,13 @@ def children_in_view(key: int, parameters: CellParameters) -> list[int]:
     lo, hi = parameters.octree.boxes(keys)
     touches = (lo <= parameters.view_hi).all(axis=1) & (hi >= parameters.view_lo).all(axis=1)
     return [int(k) for k in keys[touches]]
+
+
+def count_cells(whole: octree.Octree, lo: ArrayLike, hi: ArrayLike, depth: int) -> int:
+    """How many keys at a depth touch the view box lo, hi (3,): see `children_in_view`."""
+    edges = whole.faces(np.repeat(np.arange(2**depth + 1)[:, None], 3, axis=1), depth)
+    touches = (edges[:-1] <= np.asarray(hi)) & (edges[1:] >= np.asarray(lo))
+    return math.prod(touches.sum(axis=0).tolist())
 
 
 def first_keys(root_key: int, parameters: CellParameters, alone: bool = False) -> list[int]:

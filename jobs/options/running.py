@@ -41,8 +41,8 @@ SECTION = Section(
             metavar="SIZE",
             default="2GiB",
             show_default=True,
-            help="What one task may need, such as 4GiB or 1500MB. View cells that would need more are split unseen, and at "
-            "the deepest level their pixel error is raised; anything else is refused before it begins.",
+            help="What one task may need, such as 4GiB or 1500MB. Cells that would need more are split unseen, and "
+            "at the deepest level their pixel error is raised; anything else is refused before it begins.",
         ),
         click.Option(
             ["--work"],

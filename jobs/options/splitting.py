@@ -18,7 +18,7 @@ class SplittingParameters(Group):
     triangles_per_cell: int = 50_000  # cells that see more are split, down to max_depth
     max_triangles: int | None = None  # no cell reports more: at max_depth its pixel error is raised; None: any number
     max_depth: int = 5  # of the octree of cells; the root has depth 0
-    cell_size: float | None = None  # in model units: no cell is split below this edge; takes the place of max_depth
+    cell_size: float | None = None  # in model units: the edge of every cell; takes the place of all but max_triangles
 
     def check(self) -> None:
         """Raises ParameterError for what is out of range."""
@@ -63,7 +63,7 @@ SECTION = Section(
             ["--cell-size"],
             type=float,
             metavar="LENGTH",
-            help="Smallest edge of a cell in model units, instead of --max-depth.",
+            help="Edge of every cell in model units, whatever --triangles-per-cell and --max-depth.",
         ),
     ),
 )

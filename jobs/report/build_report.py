@@ -49,6 +49,15 @@ class BuildReport:
         """Tasks that were finished before."""
         return sum(stage.reused for stage in self.stages)
 
+    def left_out(self) -> list[str]:
+        """What the import left out or repaired, for people: a line for each kind, the most frequent first."""
+        lines = []
+        for kind, found in sorted(self.repairs.items(), key=lambda item: (-item[1]["total"], item[0])):
+            part, most = min(found["parts"].items(), key=lambda item: (-item[1], item[0]))
+            where = f"in {part}" if len(found["parts"]) == 1 else f"{most:,} in {part}, {len(found['parts']):,} parts"
+            lines.append(f"left out or repaired: {found['total']:,} {kind} ({where})")
+        return lines
+
     def to_json(self) -> dict[str, Any]:
         """The report as JSON."""
         return {**dataclasses.asdict(self), "tasks_run": self.tasks_run, "tasks_reused": self.tasks_reused}

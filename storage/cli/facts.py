@@ -52,7 +52,7 @@ def collect(store: Store) -> dict[str, Any]:
 def _levels(store: Store) -> list[dict[str, Any]]:
     """The levels of leaves, and then those of the nodes above them, which stand for much and are seen from afar.
 
-    drawn_from: the distances, in model units, from which their errors are allowed by the build's pixel error.
+    allowed_from: the distances, in model units, from which their errors are allowed by the build's pixel error.
     """
     rows = store.drawables
     leaf = leaves(store.nodes)[rows["node"]]
@@ -70,8 +70,8 @@ def _levels(store: Store) -> list[dict[str, Any]]:
                     "triangles": int(own["triangles"].sum(dtype=np.int64)),
                     "median_error": median,
                     "largest_error": largest,
-                    "median_drawn_from": median / allowed + median,
-                    "largest_drawn_from": largest / allowed + largest,
+                    "median_allowed_from": median / allowed + median,
+                    "largest_allowed_from": largest / allowed + largest,
                 }
             )
     return found
@@ -148,7 +148,7 @@ def _histogram(reported: np.ndarray, proven: np.ndarray) -> list[dict[str, Any]]
 
 
 def _raised(store: Store, numbers: np.ndarray) -> list[dict[str, Any]]:
-    """Those of some cells whose pixel error was raised to keep --max-triangles, the largest error first."""
+    """Those of some cells whose pixel error was raised to keep --max-triangles or --memory, the largest error first."""
     built_for = np.float32(store.manifest.parameters.get("pixel_error", 1.0))
     errors = store.cells["pixel_error"][numbers]
     order = np.lexsort((numbers, -errors))

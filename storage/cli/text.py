@@ -46,8 +46,8 @@ def sections(facts: dict[str, Any]) -> list[Section]:
             ],
         ),
         Section(
-            "Drawables: how far they are from the model, and from what distance that is within the pixel error",
-            ("level of", "drawables", "triangles", "error, median", "drawn from", "largest", "drawn from"),
+            "Drawables",
+            ("level of", "drawables", "triangles", "median error", "allowed from", "largest error", "allowed from"),
             [
                 (
                     f"{row['of']}, {row['level']}",
@@ -56,7 +56,7 @@ def sections(facts: dict[str, Any]) -> list[Section]:
                     *(
                         length(row[f"{which}_{what}"] * model["unit_in_metres"])
                         for which in ("median", "largest")
-                        for what in ("error", "drawn_from")
+                        for what in ("error", "allowed_from")
                     ),
                 )
                 for row in facts["levels"]
@@ -171,7 +171,7 @@ def _raised_sections(raised: Sequence[dict[str, Any]]) -> list[Section]:
         for row in raised[:LARGEST]
     ]
     heads = ("cell", "pixel error", "reported", "from", "to")
-    return [Section(f"Cells with a raised pixel error, to keep --max-triangles or --memory{told}", heads, rows)]
+    return [Section(f"Cells with a raised pixel error, to keep a bound{told}", heads, rows)]
 
 
 def plain(section: Section) -> str:

@@ -39,6 +39,16 @@ def test_a_store_needs_no_work_directory(store):
     assert {path.name for path in store.iterdir()} == {"manifest.json", "shards", "versions"}
 
 
+def test_the_last_lines_of_a_build_tell_what_was_left_out(tmp_path):
+    model = write_rooms(tmp_path / "rooms.obj", rooms=1)
+    model.write_text(model.read_text() + "o flat\nf 1 1 2\nf 2 2 3\n")
+    done = vlod("build", model, tmp_path / "store", "--max-depth", 0, "--executor", "serial")
+    assert done.returncode == 0, done.stderr
+    *left_out, summary = done.stdout.splitlines()
+    assert left_out[0] == "left out or repaired: 2 faces without area (in flat)"
+    assert "version 1, 1 cells" in summary
+
+
 def test_info_and_verify_agree_on_the_store(store):
     found = said(vlod("verify", store, "--cells", 5, "--samples", 200, "--json"))
     assert found["ok"]
@@ -158,7 +168,7 @@ def test_a_budget_holds_and_info_lists_what_it_cost(store, tmp_path):
     assert facts["cells"]["largest_triangles"] <= most
     assert facts["cells"]["raised"]
     assert all(row["pixel_error"] > 1 and row["reported_triangles"] <= most for row in facts["cells"]["raised"])
-    assert "to keep --max-triangles" in vlod("info", tmp_path / "s").stdout
+    assert "to keep a bound" in vlod("info", tmp_path / "s").stdout
     assert said(vlod("verify", tmp_path / "s", "--cells", 20, "--samples", 200, "--json"))["ok"]
 
 

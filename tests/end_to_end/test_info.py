@@ -49,10 +49,10 @@ def test_info_tells_errors_in_units_and_from_where_they_are_allowed(tmp_path: Pa
         rows = store.drawables[(leaf == (of == "leaves")) & (store.drawables["level"] == level)]
         error = float(rows["error"].max())
         assert (row["drawables"], row["largest_error"]) == (len(rows), error)
-        assert error == pytest.approx(allowed * (row["largest_drawn_from"] - error))
+        assert error == pytest.approx(allowed * (row["largest_allowed_from"] - error))
     lines = [line.split() for line in _vlod("info", tmp_path / "room.store").stdout.splitlines()]
     told = next(line for line in lines if line[:2] == ["leaves,", "0"])
-    metres = levels["leaves", 0]["largest_drawn_from"] * store.manifest.model.unit_in_metres
+    metres = levels["leaves", 0]["largest_allowed_from"] * store.manifest.model.unit_in_metres
     number, unit = told[-2:]
     assert float(number.replace(",", "")) * {"km": 1e3, "m": 1, "mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(
         metres, rel=0.01

@@ -191,7 +191,7 @@ def test_what_is_too_large_to_look_at_is_split_unseen_or_gets_a_coarser_cut(
         build([model], tmp_path / name, parameters, Noting(), memory=memory)
         assert 0 < max(asked) <= memory
         reached.append(open_store(tmp_path / name).cells)
-    ample, scarce, again = reached
+    ample, scarce = reached[:2]
     assert shards(tmp_path / "scarce") == shards(tmp_path / "again")
     assert scarce["cut_triangles"].max() <= ROOM < ample["cut_triangles"].max()
     raised = scarce["pixel_error"] > parameters.pixel_error
@@ -228,6 +228,31 @@ def test_other_parameters_repeat_only_what_depends_on_them(model, tmp_path):
     assert len(open_store(store, version=1).cells) == len(old.cells)
     assert list(old.check()) == []
     assert all(len(old.vlod(cell)) == old.cells["drawables"][cell] for cell in range(len(old.cells)))
+
+
+@pytest.mark.parametrize("most", [1, 10**9])
+def test_cells_are_of_the_size_asked_for_and_as_many_as_told(model, tmp_path, most):
+    told = []
+
+    class Heard(Silent):
+        def start(self, step):
+            told.append([step])
+
+        def finish(self, note):
+            told[-1].append(note)
+
+    parameters = BuildParameters(triangles_per_cell=most, cell_size=3.0, quality="draft")
+    build([model], tmp_path / "store", parameters, SerialExecutor(), Heard())
+    cells = open_store(tmp_path / "store").cells
+    assert cells["hi"] - cells["lo"] == pytest.approx(3.0)
+    assert ["view space", f"{len(cells)} cells of 3"] in told
+    assert len(cells) > 8
+
+
+def test_cells_too_small_for_an_octree_are_refused_with_a_size_that_is_not(model, tmp_path):
+    with pytest.raises(ParameterError, match=r"choose --cell-size \S+ or more"):
+        build([model], tmp_path / "s", BuildParameters(cell_size=1e-9), SerialExecutor())
+    assert not (tmp_path / "s").exists()
 
 
 def test_another_visibility_engine_is_written_down_and_works_out_the_cells_anew(model, tmp_path):

@@ -162,7 +162,7 @@ def test_info_names_cells_with_a_raised_pixel_error(tmp_path: Path) -> None:
     text = _run("info", str(tmp_path)).output
     assert "pixel error raised          23" in text
     assert f"above --triangles-per-cell  {cells['above_target']}" in text
-    listed = text.partition("Cells with a raised pixel error, to keep --max-triangles, 20 of 23\n")[2].splitlines()
+    listed = text.partition("Cells with a raised pixel error, to keep a bound, 20 of 23\n")[2].splitlines()
     assert listed[1].split()[:2] == ["7", "3"]
     assert listed[20].split()[:2] == ["38", "2"]
     assert listed[21] == ""
@@ -173,7 +173,7 @@ def test_info_tells_of_no_raised_pixel_error_where_there_is_none(tmp_path: Path)
     assert json.loads(_run("info", "--json", str(tmp_path)).output)["cells"]["raised"] == []
     text = _run("info", str(tmp_path)).output
     assert "pixel error raised          0" in text
-    assert "to keep --max-triangles" not in text
+    assert "to keep a bound" not in text
 
 
 def test_info_without_cells(tmp_path: Path) -> None:
@@ -209,11 +209,11 @@ def test_info_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         "Cells",
         "Certificate, all cells together",
         "Cells by tightness",
-        "Cells with a raised pixel error, to keep --max-triangles",
+        "Cells with a raised pixel error, to keep a bound",
         "Bytes",
     ]
     assert [line for line in lines if line in titles] == titles
     rows = [line.split() for line in lines]
-    assert ["level", "drawables", "triangles", "median", "error", "largest", "error"] in rows
+    assert ["leaves,", "0", "12", "3,840", "1", "mm", "2.24", "m", "1", "mm", "2.24", "m"] in rows
     assert ["computed", "64", "of", "64"] in rows
     assert [row[1:3] for row in rows if row[:1] == ["7"]] == [["3", f"{store.cells['triangles'][7]:,}"]]

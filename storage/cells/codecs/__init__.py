@@ -1,8 +1,12 @@
 """Codecs for lists of drawable ids: one file each, all behind `Codec`.
 
 Read in this order:
-    gap_varint   gaps between ids, as
-    varint       numbers of one to five bytes
+    gap_varint       gaps between ids, as
+    varint           numbers of one to five bytes
+    group            cells that are coded together, and what is known of them before
+    contexts         each cell once, given its cut: codes groups; no store is written with it yet
+    context_mixing   its inner loop
+    delimiter        the vLOD paper's own code of numbers; no store is written with it yet
 
 A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from storage.base.errors import ParameterError
+from storage.model.descent import descend
 from storage.model.tree import children, roots
 
 
@@ -80,14 +81,18 @@ def choose_cut(
     Based on: C. Erikson, D. Manocha, W. V. Baxter, HLODs for Faster Display of Large Static and Dynamic Environments,
     I3D 2001; W. V. Baxter et al., GigaWalk, UNC TR02-013, 2002, section 5.1.2.
     """
+    box = np.array([lo, hi], np.float64)
     allowed = float(pixel_error) * float(pixel_angle)
     anywhere = error_anywhere(lo, hi, allowed)
-
-    def good(rows: np.ndarray) -> Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]:
-        reach = box_distance(lo, hi, rows["lo"], rows["hi"])
-        return lambda having, error: (error <= allowed * (reach[having] - error)) | (error <= anywhere)
-
-    return _cut(nodes, drawables, good, wanted)
+    if wanted is None:
+        return np.sort(descend(nodes, drawables, roots(nodes), True, box, allowed, anywhere)[0])
+    chosen = [np.zeros(0, np.int64)]
+    front = roots(nodes)
+    while len(front):
+        ids, front = descend(nodes, drawables, front[wanted(front)], False, box, allowed, anywhere)
+        chosen.append(ids)
+        front = children(nodes, front)
+    return np.sort(np.concatenate(chosen))
 
 
 def error_anywhere(lo: ArrayLike, hi: ArrayLike, allowed: float) -> float:
@@ -154,31 +159,7 @@ def cut_within(nodes: np.ndarray, drawables: np.ndarray, error: float) -> NDArra
 
     error: in model units. Leaves that have no level that good stand for themselves at their finest.
     """
-    return _cut(nodes, drawables, lambda _: lambda _, own: own <= error, None)
-
-
-def _cut(
-    nodes: np.ndarray,
-    drawables: np.ndarray,
-    good: Callable[[np.ndarray], Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]],
-    wanted: Wanted | None,
-) -> NDArray[np.int64]:
-    """From the root down: the coarsest level of each node for which good(rows)(indices into rows, errors) holds."""
-    errors = drawables["error"]
-    chosen = [np.zeros(0, np.int64)]
-    front = roots(nodes)
-    while len(front):
-        if wanted is not None:
-            front = front[wanted(front)]
-        rows = nodes[front]
-        first, levels = rows["first_drawable"].astype(np.int64), rows["levels"].astype(np.int64)
-        fits = good(rows)
-        best = np.where(rows["end"] == front + 1, first, -1)
-        for level in range(int(levels.max(initial=0))):
-            having = np.flatnonzero(levels > level)
-            candidates = first[having] + level
-            enough = fits(having, errors[candidates].astype(np.float64))
-            best[having[enough]] = candidates[enough]
-        chosen.append(best[best >= 0])
-        front = children(nodes, front[best < 0])
-    return np.sort(np.concatenate(chosen))
+    nothing_by_distance = math.nan
+    return np.sort(
+        descend(nodes, drawables, roots(nodes), True, np.zeros((2, 3)), nothing_by_distance, float(error))[0]
+    )

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from storage.base.errors import ParameterError
 from storage.model.cut import UNBOUNDED, choose_cut, coarsest_triangles, cut_within, pixel_angle, possible_drawables
 from storage.model.tables import DRAWABLE, NODE
-from storage.model.tree import parents, roots
+from storage.model.tree import children, parents, roots
 
 
 @given(st.integers(1, 4000), st.floats(5, 160), st.floats(0.3, 4), st.integers(0, 2**32 - 1))
@@ -89,6 +89,49 @@ def test_the_cut_is_the_coarsest_that_is_fine_enough(count: int, seed: int, pixe
     assert choose_cut(nodes, drawables, lo, hi, 1e-3, pixels).tolist() == sorted(expected)
     wide = [d for root in roots(nodes).tolist() for d in _expected(nodes, drawables, root, lambda _, e: e <= 0.004)]
     assert cut_within(nodes, drawables, 0.004).tolist() == sorted(wide)
+
+
+def _front_by_front(nodes, drawables, lo, hi, allowed):
+    """The cut as array operations, all nodes of a depth at once."""
+    edges = hi - lo
+    anywhere = max(0.0, allowed - UNBOUNDED) * float(
+        np.sqrt((edges[0] * edges[0] + edges[1] * edges[1]) + edges[2] ** 2)
+    )
+    front, chosen = roots(nodes), [np.zeros(0, np.int64)]
+    while len(front):
+        rows = nodes[front]
+        gap = np.maximum(np.maximum(rows["lo"].astype(float) - hi, lo - rows["hi"].astype(float)), 0)
+        reach = np.sqrt((gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1]) + gap[:, 2] * gap[:, 2])
+        first = rows["first_drawable"].astype(np.int64)
+        best = np.where(rows["end"] == front + 1, first, -1)
+        for level in range(int(rows["levels"].max())):
+            having = np.flatnonzero(rows["levels"] > level)
+            error = drawables["error"][first[having] + level].astype(float)
+            good = (error <= allowed * (reach[having] - error)) | (error <= anywhere)
+            best[having[good]] = first[having[good]] + level
+        chosen.append(best[best >= 0])
+        front = children(nodes, front[best < 0])
+    return np.sort(np.concatenate(chosen))
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 900), st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.5, 3, 130, 400]), st.booleans())
+def test_the_kernel_chooses_what_array_operations_choose(count: int, seed: int, pixels: float, edge: bool) -> None:
+    random = np.random.default_rng(seed)
+    nodes, drawables = _forest(random, count)
+    lo = random.uniform(-12, 12, 3)
+    hi = lo + random.uniform(0, 2, 3)
+    if edge and count:  # the last node's first level is as far off as is allowed, to the last bit or nearly so
+        lo = hi = nodes["hi"][-1].astype(float) + np.array([3.0, 0, 0])
+        drawables["error"][-1] = 3 * pixels * 1e-3 / (1 + pixels * 1e-3)
+    expected = _front_by_front(nodes, drawables, lo, hi, pixels * 1e-3)
+    assert np.array_equal(choose_cut(nodes, drawables, lo, hi, 1e-3, pixels), expected)
+
+
+def test_levels_that_there_are_not_are_refused() -> None:
+    nodes, drawables = _forest(np.random.default_rng(1), 5)
+    with pytest.raises(IndexError, match="levels that there are not"):
+        choose_cut(nodes, drawables[:-1], np.zeros(3), np.ones(3), 1e-9, 1.0)
 
 
 @given(st.integers(1, 30), st.integers(0, 2**32 - 1))

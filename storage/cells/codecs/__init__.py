@@ -1,8 +1,9 @@
 """Codecs for lists of drawable ids: one file each, all behind `Codec`.
 
 Read in this order:
-    gap_varint   gaps between ids, as
-    varint       numbers of one to five bytes
+    gap_varint       gaps between ids, as
+    varint           numbers of one to five bytes
+    delimiter        the vLOD paper's own code of offsets and runs
 
 A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """
@@ -39,6 +40,7 @@ class Codec(Protocol):
 #: What stores call each codec, and the module that has its `CODEC`.
 CODECS = {
     "gap-varint-zstd": "storage.cells.codecs.gap_varint",
+    "delimiter": "storage.cells.codecs.delimiter",
 }
 
 #: The codec that new stores are written with.

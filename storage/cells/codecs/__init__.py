@@ -4,6 +4,9 @@ Read in this order:
     gap_varint       gaps between ids, as
     varint           numbers of one to five bytes
     delimiter        the vLOD paper's own code of offsets and runs
+    group            cells that are coded together, and what is known of them before
+    contexts         each cell once, given its cut: codes groups; no store is written with it yet
+    context_mixing   its inner loop
 
 A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """

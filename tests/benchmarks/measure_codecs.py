@@ -31,7 +31,7 @@ import numpy as np
 from storage import Store, open_store
 from storage.cells.codecs.context_mixing import CONTEXTS, END, FINAL, NEAREST, SIZES, WEIGHTS, decisions, nearest_before
 from storage.cells.codecs.contexts import EVEN, Coder, Model
-from storage.cells.codecs.delimiter import encode_numbers, offsets_and_runs
+from storage.cells.codecs.delimiter import CODEC as DELIMITER
 from storage.cells.codecs.gap_varint import CODEC as GAPS
 from storage.cells.codecs.group import Group, Tree
 from storage.cells.deltas import difference
@@ -127,12 +127,6 @@ def changes(group: Group, sets: list[np.ndarray]) -> list[np.ndarray]:
     return lists
 
 
-def delimited(lists: list[np.ndarray]) -> bytes:
-    """Lists in the paper's code: of each how many runs it has, plus 1, then these."""
-    numbers = [offsets_and_runs(ids) for ids in lists]
-    return encode_numbers(np.concatenate([np.array([len(own) // 2 + 1, *own]) for own in numbers]))
-
-
 def lists_bytes(store: Store) -> int:
     """What the store's own frames of sets and changes take."""
     kinds = store.bytes_by_kind()
@@ -166,7 +160,7 @@ def main() -> None:
             size += len(data)
             lists = changes(group, given_sets)
             gaps += len(GAPS.encode(lists))
-            paper += len(delimited(lists))
+            paper += len(DELIMITER.encode(lists))
         today = lists_bytes(stores[name])
         section = stores[name].manifest.cells
         assert section is not None

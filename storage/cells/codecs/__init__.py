@@ -3,10 +3,10 @@
 Read in this order:
     gap_varint       gaps between ids, as
     varint           numbers of one to five bytes
+    delimiter        the vLOD paper's own code of offsets and runs
     group            cells that are coded together, and what is known of them before
     contexts         each cell once, given its cut: codes groups; no store is written with it yet
     context_mixing   its inner loop
-    delimiter        the vLOD paper's own code of numbers; no store is written with it yet
 
 A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """
@@ -43,6 +43,7 @@ class Codec(Protocol):
 #: What stores call each codec, and the module that has its `CODEC`.
 CODECS = {
     "gap-varint-zstd": "storage.cells.codecs.gap_varint",
+    "delimiter": "storage.cells.codecs.delimiter",
 }
 
 #: The codec that new stores are written with.

@@ -15,6 +15,8 @@ section 6 and appendix A.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +25,12 @@ from storage.base.kernels import allocating_kernel
 
 #: Largest number that can be coded.
 LARGEST = (1 << 40) - 1
+
+#: No list holds ids from here on; larger ones mean damage.
+MOST_IDS = 1 << 32
+
+#: No list holds more ids: a few damaged bits could say so many that no memory holds them.
+LONGEST = 1 << 22
 
 
 def offsets_and_runs(ids: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -50,6 +58,8 @@ def ids_of(numbers: NDArray[np.int64], most: int) -> NDArray[np.int64]:
         return np.zeros(0, np.int64)
     if int(numbers.max()) > most or len(numbers) > 2 * most or int(numbers.sum()) > most + 1:
         raise CorruptStoreError("a list of runs leads beyond the last id")
+    if int(lengths.sum()) > LONGEST:
+        raise CorruptStoreError(f"a list of runs holds more than {LONGEST} ids")
     starts = np.cumsum(offsets) + np.cumsum(lengths) - lengths - 1
     within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
     return np.repeat(starts, lengths) + within
@@ -73,6 +83,36 @@ def decode_numbers(data: bytes) -> NDArray[np.int64]:
     if not sound:
         raise CorruptStoreError("bits are no numbers with delimiters")
     return numbers
+
+
+class Delimiter:
+    """Lists of ids one after the other, each as how many runs it has, plus 1, and these."""
+
+    block_ids = 1 << 10  # lists do not help each other: smaller blocks are read faster and take no more
+
+    def encode(self, lists: Sequence[NDArray[np.uint32]]) -> bytes:
+        """Bytes of lists of strictly increasing uint32 ids. Raises ValueError for one of more than LONGEST."""
+        if any(len(ids) > LONGEST for ids in lists):
+            raise ValueError(f"the delimiter code holds at most {LONGEST} ids in a list")
+        parts = [np.zeros(0, np.int64)]
+        for ids in lists:
+            own = offsets_and_runs(ids)
+            parts += [np.array([len(own) // 2 + 1]), own]
+        return encode_numbers(np.concatenate(parts))
+
+    def decode(self, data: bytes) -> list[NDArray[np.uint32]]:
+        """The lists again. Raises CorruptStoreError if the bytes make no sense."""
+        numbers, lists, at = decode_numbers(data), [], 0
+        while at < len(numbers):
+            end = at + 2 * int(numbers[at]) - 1
+            if end > len(numbers):
+                raise CorruptStoreError("a list of runs ends before its last one")
+            lists.append(ids_of(numbers[at + 1 : end], MOST_IDS).astype(np.uint32))
+            at = end
+        return lists
+
+
+CODEC = Delimiter()
 
 
 @allocating_kernel()

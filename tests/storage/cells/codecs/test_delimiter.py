@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
-from storage.cells.codecs.delimiter import LARGEST, decode_numbers, encode_numbers, ids_of, offsets_and_runs
+from storage.cells.codecs.delimiter import (
+    CODEC,
+    LARGEST,
+    LONGEST,
+    decode_numbers,
+    encode_numbers,
+    ids_of,
+    offsets_and_runs,
+)
 
 #: Numbers, and their code by the three rules of appendix A.1: a space stands where a number or a delimiter ends.
 BY_HAND = [
@@ -73,6 +81,12 @@ def test_ids_come_back_from_offsets_and_runs(ids: set[int]) -> None:
 def test_runs_beyond_the_last_id_are_refused() -> None:
     with pytest.raises(CorruptStoreError, match="beyond the last id"):
         ids_of(np.array([1, 10**12]), 100)
+    with pytest.raises(CorruptStoreError, match="more than"):
+        ids_of(np.array([1, LONGEST + 1]), 1 << 32)
+    with pytest.raises(CorruptStoreError, match="before its last one"):
+        CODEC.decode(encode_numbers(np.array([2, 1])))
+    with pytest.raises(ValueError, match="at most"):
+        CODEC.encode([np.arange(LONGEST + 1, dtype=np.uint32)])
     with pytest.raises(CorruptStoreError, match="before the length"):
         ids_of(np.array([1]), 100)
     assert offsets_and_runs(np.array([0, 1, 2, 7, 9])).tolist() == [1, 3, 4, 1, 1, 1]

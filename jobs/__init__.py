@@ -15,6 +15,7 @@ Read in this order:
     running/      tasks, their results, and who does them
     report/       what a build did, for people
     checking/     an oracle for finished stores
+    upkeep/       finished stores kept small and sound: what nobody needs goes, what is damaged is mended
     scenes/       models to try things with
     commands      the command line
 

@@ -1,4 +1,4 @@
-"""The job's commands: `vlod build`, `vlod verify`, `vlod demo-scene`, `vlod report`.
+"""The job's commands: `vlod build`, `vlod verify`, `vlod gc`, `vlod demo-scene`, `vlod report`.
 
 Thin: each reads its options, calls a function of this package, and prints what it returns. Heavy imports wait until a
 command runs, so that help comes at once.
@@ -17,6 +17,8 @@ from jobs.options import objects, running
 from jobs.options.groups import SECTIONS
 from jobs.options.sections import SectionedCommand
 from jobs.scenes.kinds import KINDS
+from storage.base.amounts import Bytes
+from storage.base.errors import ParameterError
 
 
 @click.command(
@@ -86,29 +88,112 @@ def build(
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the sampling.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes that work.  [default: one for each core]")
+@click.option(
+    "--repair",
+    is_flag=True,
+    help="First make again what is bad or missing, of all versions, and nothing else: from the work directory, from "
+    "--from, from --model, whichever has it.",
+)
+@click.option("--from", "source", metavar="STORE", help="For --repair: another copy of the store, a folder or a URL.")
+@click.option(
+    "--model",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="For --repair: what the store was built from; once for each file or folder.",
+)
+@click.option(
+    "--work",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="For --repair: the work directory of the store's builds. Default: STORE/work.",
+)
+@click.option(
+    "--memory",
+    type=Bytes(),
+    metavar="SIZE",
+    default="2GiB",
+    show_default=True,
+    help="For --repair with --model: what one task may need, as the build was allowed.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def verify(
-    context: click.Context, store: str, samples: int, cells: int | None, seed: int, workers: int | None, as_json: bool
+    context: click.Context,
+    store: str,
+    samples: int,
+    cells: int | None,
+    seed: int,
+    workers: int | None,
+    repair: bool,
+    source: str | None,
+    model: tuple[Path, ...],
+    work: Path | None,
+    memory: int,
+    as_json: bool,
 ) -> None:
     """Check a STORE: every byte, every change between cells, its cells against rays. Exits with 1 if it fails."""
     from jobs.checking.verify import verify as verify_store
+    from jobs.upkeep.repair import repair as repair_store
     from storage.base.errors import CorruptStoreError
     from storage.base.progress import progress_for
 
+    if not repair and (source or model or work):
+        raise click.UsageError("--from, --model and --work say what --repair may use: give that, too")
+    repairs: dict[str, Any] = {}
     try:
         with progress_for() as progress:
+            if repair:
+                done = repair_store(
+                    store, source=source, model=model, work=work, workers=workers, memory=memory, progress=progress
+                )
+                repairs = {"repairs": done.to_json()}
             report = verify_store(store, samples=samples, cells=cells, seed=seed, workers=workers, progress=progress)
     except CorruptStoreError as error:
         # Its manifest is damaged, so there is no telling what it is: for this command a failed check, not wrong usage.
         click.echo(json.dumps({"store": store, "ok": False, "problems": [str(error)]}, indent=1) if as_json else error)
         context.exit(1)
     if as_json:
-        click.echo(json.dumps(report.to_json(), indent=1))
+        click.echo(json.dumps({**report.to_json(), **repairs}, indent=1))
     else:
+        if repair:
+            _print_repairs(repairs["repairs"])
         _print_verification(report.to_json())
     if not report.ok:
         context.exit(1)
+
+
+@click.command(epilog="Example: vlod gc ship.store --keep 2 --dry-run", no_args_is_help=True)
+@click.argument("store")
+@click.option("--keep", type=click.IntRange(min=1), metavar="N", help="Keep the N newest versions.  [default: all]")
+@click.option("--keep-versions", metavar="N,N...", help="Keep these versions, and the current one.")
+@click.option(
+    "--work",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Work directory of this store's builds, and of no other's. Default: STORE/work.",
+)
+@click.option("--dry-run", is_flag=True, help="Only say what would go, and the bytes that this frees.")
+@click.option("--json", "as_json", is_flag=True, help="Print what goes as JSON.")
+def gc(
+    store: str, keep: int | None, keep_versions: str | None, work: Path | None, dry_run: bool, as_json: bool
+) -> None:
+    """Remove from STORE the versions that are not kept, and all that no kept version needs.
+
+    That is shards, leftovers of killed builds, and finished tasks: also those of a build that was interrupted, which
+    then begins anew. Whoever reads a kept version is not disturbed; while a build runs nothing is removed.
+    """
+    from jobs.upkeep.garbage import collect_garbage
+
+    kept_versions = None if keep_versions is None else _numbers("--keep-versions", keep_versions)
+    garbage = collect_garbage(store, keep=keep, keep_versions=kept_versions, work=work, dry_run=dry_run)
+    found = garbage.to_json()
+    if as_json:
+        click.echo(json.dumps({**found, "dry_run": dry_run}, indent=1))
+        return
+    kept, dropped = (", ".join(map(str, numbers)) or "none" for numbers in (garbage.kept, garbage.dropped))
+    goes = ", ".join(f"{found[kind]['count']:,} {kind}" for kind in ("shards", "results", "leftovers"))
+    click.echo(
+        f"{store}: versions kept: {kept}; dropped: {dropped}; {'would remove' if dry_run else 'removed'} {goes}: "
+        f"{garbage.bytes:,} bytes"
+    )
 
 
 @click.command(
@@ -149,6 +234,14 @@ def report(folder: Path) -> None:
     click.echo(f"{page}: {page.stat().st_size / 1e6:.1f} MB")
 
 
+def _numbers(option: str, text: str) -> list[int]:
+    """The numbers that an option lists, with commas between them. Raises ParameterError."""
+    try:
+        return [int(number) for number in text.split(",")]
+    except ValueError:
+        raise ParameterError(f"{option} wants numbers with commas between them, such as 3,5, not {text!r}") from None
+
+
 def _print_verification(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -159,7 +252,7 @@ def _print_verification(report: dict[str, Any]) -> None:
     table.add_row("cells", f"{report['cells']:,}")
     if report["unreadable_cells"]:
         table.add_row("cells in damaged shards", f"{report['unreadable_cells']:,}")
-    table.add_row("boundaries checked", f"{report['boundaries']:,}")
+    table.add_row("cells read again", f"{report['read_cells']:,}")
     table.add_row("cells sampled", f"{report['sampled_cells']:,}")
     table.add_row("rays", f"{report['rays']:,}")
     table.add_row("missed drawables", f"{report['missed']:,}")
@@ -179,6 +272,15 @@ def _print_verification(report: dict[str, Any]) -> None:
     if report["approximation"]:
         verdict += "; " + MAY_MISS.format(report["approximation"])
     console.print(verdict, soft_wrap=True)
+
+
+def _print_repairs(repairs: dict[str, Any]) -> None:
+    for row in repairs["mended"]:
+        click.echo(f"mended {row['file']} from {row['source']}")
+    for line in repairs["left"]:
+        click.echo(line)
+    if not repairs["mended"] and not repairs["left"]:
+        click.echo("nothing to mend")
 
 
 def _chance(missed: int, rays: int) -> str:

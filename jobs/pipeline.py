@@ -8,7 +8,7 @@
     tables      nodes and drawables of the whole model                one task
     cells       what can be seen from each view cell                  waves of subtrees of the octree
     layout      the order of all cells, and which share a face        one task
-    shards      vLODs and the changes across faces, in cell shards    one task for each subtree
+    shards      what can be seen from the cells, in cell shards       one task for each subtree
     order       the sequence in which meshes lie                      one task
     packs       meshes in that sequence, in geometry shards           one task for each shard
     index       where each mesh lies: the tables of the store         one task
@@ -50,6 +50,7 @@ from storage.base.progress import Progress, Silent
 from storage.base.typed_json import from_json
 from storage.shards.manifest import Manifest, commit, current
 from storage.shards.sections import ModelSection
+from storage.versions import content_of
 from storage.vlod_writer import cells_section
 
 #: The stages of a build in their order. Another one is a file in `jobs.stages`, imported above and named here.
@@ -111,6 +112,7 @@ def build(
             geometry=geometry_section_of(place, index.STAGE.name, state.one(index.STAGE).key),
             cells=cells_section(place.store, state.view_space(imported).octree, shards.written_shards(state)),
         )
+        place.note(content_of(manifest), {name: [done.key for done in all_] for name, all_ in state.results.items()})
         version = commit(place.store, manifest)
     return BuildReport(
         store=str(store),
@@ -156,6 +158,6 @@ def _tell_cells(state: BuildState, imported: TaskResult, run: Run) -> None:
 
 def _shard_bytes(manifest: Manifest) -> dict[str, int]:
     sizes = {"tables": 0, "geometry": 0, "cells": 0}
-    for purpose, shard in manifest.shards():
+    for purpose, shard in {shard.name: (purpose, shard) for purpose, shard in manifest.shards()}.values():
         sizes["cells" if purpose.startswith("cell") else purpose] += shard.bytes
     return {**sizes, "total": sum(sizes.values())}

@@ -40,7 +40,7 @@ def problems(shards: ShardFiles, manifest: Manifest, geometry: Geometry) -> Iter
             yield Problem(FILE, f"{place} is not what it was when the store was opened")
     except StoreError as error:
         yield Problem(FILE, str(error))
-    for _, record in manifest.shards():
+    for record in {record.name: record for _, record in manifest.shards()}.values():
         found = list(problems_of_shard(shards, record))
         yield from found or problems_of_alpha(geometry, manifest, record)
 

@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from storage.base.errors import NotComputedError, StoreNotFoundError
-from storage.cells.deltas import Delta
+from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
+from storage.cells.deltas import Delta, difference
 from storage.cells.octree import LeafSet, Octree, neighbours
 from storage.check import Problem, problems
 from storage.geometry_reader import Geometry
-from storage.model.cut import choose_cut
-from storage.model.tables import CELL
+from storage.known_cells import KnownCells
+from storage.model.tables import CELL, GROUP
 from storage.shards.cache import ByteCache
 from storage.shards.columns import unpack_table
 from storage.shards.files import Files
@@ -41,9 +41,6 @@ from storage.vlod_reader import VlodReader
 #: Bytes of decoded cell shards' tables, sets and deltas, and of the shards' ends, that a store keeps in memory.
 CELL_CACHE = 1 << 26
 
-#: Cell shards of at most so many bytes are read whole, in one request: what a cell needs lies in several places of one.
-WHOLE_CELL_SHARD = 1 << 20
-
 #: Bytes of what comes from far away that a cache on disk keeps, if nothing else is said.
 CACHE_BYTES = 1 << 30
 
@@ -54,16 +51,19 @@ class Store(Geometry):
     def __init__(self, files: Files, manifest: Manifest) -> None:
         section = manifest.cells
         cache: ByteCache[Any] = ByteCache(CELL_CACHE)
-        shards = ShardFiles(files, cache, whole=WHOLE_CELL_SHARD)
+        shards = ShardFiles(files, cache)
         tables, *of_cells = shards.fetched([manifest.geometry.tables, *([section.table] if section else [])])
         super().__init__(files, manifest.geometry, tables)
         self.manifest = manifest
         self.octree: Octree | None = None
-        self.cells = np.zeros(0, CELL)
+        #: CELL and GROUP arrays: storage.model.tables.
+        self.cells, self.groups = np.zeros(0, CELL), np.zeros(0, GROUP)
         if section:
             self.octree = Octree(section.octree_lo, section.octree_size)
             self.cells = of_cells[0].decoded(0, Kind.TABLE, lambda data: unpack_table(data, CELL))
-        self._vlods = VlodReader(shards, section.shards if section else (), cache)
+            self.groups = of_cells[0].decoded(1, Kind.TABLE, lambda data: unpack_table(data, GROUP))
+        self._known = KnownCells(self.nodes, self.drawables, manifest.pixel_angle)
+        self._vlods = VlodReader(shards, section.shards if section else (), self.cells, self.groups, self._known, cache)
 
     @cached_property
     def _leaves(self) -> LeafSet:
@@ -97,7 +97,7 @@ class Store(Geometry):
     def vlod(self, cell: int) -> NDArray[np.int64]:
         """What can be seen from the cell: drawable ids (n,) int64, strictly increasing.
 
-        Reads the cell's key set and the deltas on the way to it, not the whole shard. Raises NotComputedError.
+        Reads the cell's group, not the whole shard. Raises NotComputedError.
         """
         self._computed(cell)
         return self._vlods.vlod(cell, int(self.cells[cell]["drawables"]))
@@ -109,13 +109,13 @@ class Store(Geometry):
         """
         self._computed(a)
         self._computed(b)
-        return self._vlods.delta(a, b) if a < b else self._vlods.delta(b, a).reversed()
+        if b not in self.neighbours(a):
+            raise ParameterError(f"cells {a} and {b} share no face")
+        return difference(self.vlod(a).astype(np.uint32), self.vlod(b).astype(np.uint32))
 
     def cut(self, cell: int) -> NDArray[np.int64]:
         """The whole model at the cell's detail, visible or not: drawable ids (n,) int64, strictly increasing."""
-        row = self.cells[cell]
-        angle, error = self.manifest.pixel_angle, float(row["pixel_error"])
-        return choose_cut(self.nodes, self.drawables, row["lo"], row["hi"], angle, error)
+        return self._known.cut(self.cells[cell])
 
     @property
     def boundary_count(self) -> int:
@@ -127,7 +127,7 @@ class Store(Geometry):
 
         Reads the index of every shard.
         """
-        records = [record for _, record in self.manifest.shards()]
+        records = list({record.name: record for _, record in self.manifest.shards()}.values())
         sizes: dict[int, int] = {}
         for index in self._shard_files.of_each(records, lambda shard: shard.index):
             for kind, size in zip(index["kind"].tolist(), index["bytes"].tolist(), strict=True):

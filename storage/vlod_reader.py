@@ -1,117 +1,85 @@
-"""Reading cell shards: what can be seen from each cell, and what changes between neighbours."""
+"""Reading cell shards: what can be seen from each cell."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.base.errors import ParameterError
+from storage.base.errors import CURE, CorruptStoreError
 from storage.cells.codecs import codec_named
-from storage.cells.deltas import Delta, Ids, apply_chain
-from storage.model.tables import BOUNDARY, CELL_LINK
+from storage.known_cells import KnownCells
 from storage.shards.cache import ByteCache
-from storage.shards.columns import unpack_table
 from storage.shards.sections import CellShardRecord
 from storage.shards.shard_files import ShardFiles
 from storage.shards.shards import Kind
 
 
-class _Boundaries(NamedTuple):
-    """The boundaries of the cells of one shard."""
-
-    table: np.ndarray  # BOUNDARY, sorted by first, second
-    keys: NDArray[np.int64]  # (k, 2), first and second of each boundary, cells of the store
-
-
 class VlodReader:
-    """The vLODs of a store's cells and the changes between them. Safe to use from several threads.
+    """The vLODs of a store's cells. Safe to use from several threads.
 
-    shards: in the order of their cells; cache: keeps what was decoded.
-    Raises StoreFormatError if one of the shards is in a codec that is not known here. The methods raise
-    CorruptStoreError where bytes are missing or changed, StoreUnreachableError where they cannot be read.
+    shards: in the order of their cells; cells, groups: CELL and GROUP of the whole store; known: of the hierarchy;
+    cache: keeps what was decoded.
+    Raises StoreFormatError if one of the shards is in a codec that is not known here, CorruptStoreError where groups
+    and shards do not hold the same cells.
     """
 
-    def __init__(self, files: ShardFiles, shards: Sequence[CellShardRecord], cache: ByteCache[Any]) -> None:
+    def __init__(
+        self,
+        files: ShardFiles,
+        shards: Sequence[CellShardRecord],
+        cells: np.ndarray,
+        groups: np.ndarray,
+        known: KnownCells,
+        cache: ByteCache[Any],
+    ) -> None:
         self._files = files
         self._shards = shards
+        self._cells = cells
+        self._known = known
         self._codecs = {name: codec_named(name) for name in sorted({shard.codec for shard in shards})}
-        self._starts = np.cumsum([0, *(shard.cells for shard in shards)], dtype=np.int64)
         self._cache = cache
+        self._starts = np.cumsum([0, *groups["cells"].tolist()], dtype=np.int64)  # of groups, in cells
+        ends = np.cumsum([0, *(shard.cells for shard in shards)], dtype=np.int64)
+        self._first_groups = np.searchsorted(self._starts, ends)  # of shards
+        whole = self._starts[-1] == ends[-1] == len(cells) and np.array_equal(self._starts[self._first_groups], ends)
+        if not whole or (groups["cells"] == 0).any():
+            raise CorruptStoreError(f"{files.files.url}: the groups of cells are not those of the shards; {CURE}")
 
     def vlod(self, cell: int, count: int) -> NDArray[np.int64]:
         """The ids (n,) of the drawables that can be seen from a cell that was computed, strictly increasing.
 
-        count: how many they are. Reads the cell's key set and the deltas on the way to it, not the whole shard.
+        count: how many they are. Reads the cell's group, not the whole shard. Raises CorruptStoreError where bytes are
+        missing or changed, StoreUnreachableError where they cannot be read.
         """
-
-        def load() -> tuple[NDArray[np.int64], int]:
-            number, at = self._place(cell)
-            links = self._links(number)
-            lists: list[Ids] = []
-            while (parent := int(links[at]["parent"])) >= 0:
-                lists.extend(self._change(number, int(links[at]["frame"]), int(links[at]["slot"])))
-                at = parent
-            lists.extend(self._block(number, int(links[at]["frame"]), Kind.KEY_SET))
-            ids = apply_chain(lists).astype(np.int64)
-            if len(ids) != count:
-                raise self._files.reader(self._shards[number]).corrupt(f"cell {cell} has {len(ids)} drawables")
-            ids.flags.writeable = False
-            return ids, ids.nbytes
-
-        ids: NDArray[np.int64] = self._cache.get(("vlod", int(cell)), load)
+        group = int(np.searchsorted(self._starts, cell, side="right")) - 1
+        first = int(self._starts[group])
+        ids = self._group(group)[int(self._cells["computed"][first:cell].sum())]
+        if len(ids) != count:
+            raise self._files.reader(self._shards[self._shard(group)]).corrupt(
+                f"cell {cell} has {len(ids)} drawables, not {count}"
+            )
         return ids
 
-    def delta(self, a: int, b: int) -> Delta:
-        """What changes from cell a to cell b > a, both computed. Raises ParameterError if they share no face."""
-        number, _ = self._place(a)
-        table, keys = self._boundaries(number)
-        run = slice(*np.searchsorted(keys[:, 0], [a, a + 1]).tolist())
-        at = run.start + int(np.searchsorted(keys[run, 1], b))
-        if at >= run.stop or keys[at, 1] != b:
-            raise ParameterError(f"cells {a} and {b} share no face")
-        row = table[at]
-        return self._change(number, int(row["frame"]), int(row["slot"]))
+    def _shard(self, group: int) -> int:
+        """The shard that holds a group."""
+        return int(np.searchsorted(self._first_groups, group, side="right")) - 1
 
-    def _place(self, cell: int) -> tuple[int, int]:
-        """The shard that holds a cell, and the cell's index in it."""
-        number = int(np.searchsorted(self._starts, cell, side="right")) - 1
-        return number, cell - int(self._starts[number])
+    def _group(self, group: int) -> list[NDArray[np.int64]]:
+        """The sets of a group's computed cells."""
 
-    def _links(self, number: int) -> np.ndarray:
-        """CELL_LINK of a shard."""
-
-        def load() -> tuple[np.ndarray, int]:
-            reader = self._files.reader(self._shards[number])
-            links = reader.decoded(1, Kind.TABLE, lambda data: unpack_table(data, CELL_LINK))
-            return links, links.nbytes
-
-        links: np.ndarray = self._cache.get(("links", number), load)
-        return links
-
-    def _boundaries(self, number: int) -> _Boundaries:
-        def load() -> tuple[_Boundaries, int]:
-            reader = self._files.reader(self._shards[number])
-            table = reader.decoded(2, Kind.TABLE, lambda data: unpack_table(data, BOUNDARY))
-            keys = np.stack([table["first"] + self._starts[number], table["second"]], axis=1).astype(np.int64)
-            return _Boundaries(table, keys), table.nbytes + keys.nbytes
-
-        boundaries: _Boundaries = self._cache.get(("boundaries", number), load)
-        return boundaries
-
-    def _block(self, number: int, frame: int, kind: Kind) -> list[Ids]:
-        """A decoded frame of key sets or deltas."""
-
-        def load() -> tuple[list[Ids], int]:
+        def load() -> tuple[list[NDArray[np.int64]], int]:
+            number = self._shard(group)
             shard = self._shards[number]
-            lists = self._files.reader(shard).decoded(frame, kind, self._codecs[shard.codec].decode)
-            return lists, sum(ids.nbytes for ids in lists)
+            known = self._known.group(self._cells[self._starts[group] : self._starts[group + 1]])
+            decode = self._codecs[shard.codec].decode
+            frame = group - int(self._first_groups[number])
+            sets = self._files.reader(shard).decoded(frame, Kind.CELLS, lambda data: decode(data, known))
+            for ids in sets:
+                ids.flags.writeable = False
+            return sets, sum(ids.nbytes for ids in sets)
 
-        lists: list[Ids] = self._cache.get(("block", number, frame), load)
-        return lists
-
-    def _change(self, number: int, frame: int, slot: int) -> Delta:
-        lists = self._block(number, frame, Kind.DELTAS)
-        return Delta(lists[2 * slot], lists[2 * slot + 1])
+        sets: list[NDArray[np.int64]] = self._cache.get(("group", group), load)
+        return sets

@@ -47,7 +47,7 @@ def test_the_docs_know_the_option_and_its_default():
         ("tables", [tables.PER_NODE]),
         ("cells", [cells.PER_TRIANGLE, cells.REST >> 20, cells.SEALED_PER_TRIANGLE]),
         ("layout", [layout.PER_CELL]),
-        ("shards", [shards.PER_ID, shards.PER_CELL]),
+        ("shards", [shards.PER_ID, shards.PER_CELL, shards.PER_NODE]),
         ("order", [order.PER_ID, order.PER_NODE]),
         ("packs", [packs.REST >> 20, packs.PER_NODE]),
         ("index", [index.PER_NODE]),

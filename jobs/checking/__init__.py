@@ -6,7 +6,7 @@ Read in this order:
     findings    what was found, and the report of it
     workers     functions on one store, on all cores: in this process as long as that is quick
     checksums   every byte against the checksums that name the shards; see-through against alpha
-    deltas      every change between cells against the vLODs of both
+    sets        every cell's vLOD against its cut and the table of cells
     detail      the cut of a cell: the whole model, fine enough
     turned      which triangles of a cell's vLOD are not drawn, being turned away
     rays        rays from sampled cells

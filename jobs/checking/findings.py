@@ -63,9 +63,9 @@ class VerifyReport:
     samples: int  # rays asked for in each sampled cell
     seed: int
     approximation: str | None  # the option that lets the store miss something: that is measured and is no problem
-    boundaries: int = 0  # boundaries whose deltas were checked
+    read_cells: int = 0  # cells whose vLODs were read again
     checksums: Problems = field(default_factory=Problems)
-    deltas: Problems = field(default_factory=Problems)
+    sets: Problems = field(default_factory=Problems)
     detail: Problems = field(default_factory=Problems)
     visibility: Problems = field(default_factory=Problems)
     unreadable: int = 0  # computed cells in damaged shards: nothing but the damage is said of them
@@ -86,7 +86,7 @@ class VerifyReport:
 
     @property
     def _kinds(self) -> tuple[Problems, ...]:
-        return self.checksums, self.deltas, self.detail, self.visibility
+        return self.checksums, self.sets, self.detail, self.visibility
 
     @property
     def ok(self) -> bool:
@@ -130,7 +130,7 @@ class VerifyReport:
             "ok": self.ok,
             "cells": self.cells,
             "unreadable_cells": self.unreadable,
-            "boundaries": self.boundaries,
+            "read_cells": self.read_cells,
             "sampled_cells": len(self.sampled),
             "samples_per_cell": self.samples,
             "rays": self.rays,

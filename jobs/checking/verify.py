@@ -1,10 +1,10 @@
-"""Checks a finished store: its bytes, its deltas, its detail, and its visibility against an oracle.
+"""Checks a finished store: its bytes, its sets, its detail, and its visibility against an oracle.
 
 What is checked:
 
-    checksums   every byte of every shard and of the manifest; and that of a drawable that is said to be see-through all
-                vertices have an alpha below 255, of all others none
-    deltas      every change across a boundary is consistent with the vLODs of both its cells
+    checksums   every byte of every shard and of the manifests, of all versions; and that of a drawable that is said to
+                be see-through all vertices have an alpha below 255, of all others none
+    sets        every cell's vLOD is part of its cut, and both are of the sizes that the table of cells says
     detail      a sampled cell's vLOD is part of its cut, and the cut stands for every leaf once, at an error below the
                 pixel error
     rays        rays from the surfaces of sampled cells see nothing that is not in the cells' vLODs, neither what stops
@@ -26,16 +26,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jobs.checking.checksums import check_shard
-from jobs.checking.deltas import check_run, runs
 from jobs.checking.detail import check_detail
 from jobs.checking.findings import VerifyReport
 from jobs.checking.rays import Sample, cast_rays
+from jobs.checking.sets import check_run, runs
 from jobs.checking.workers import Place, Workers
 from storage import open_store
 from storage.base.errors import ParameterError, StoreError, StoreNotFoundError
 from storage.base.progress import Progress, Silent
 from storage.shards.files import Files
 from storage.shards.manifest import FILE, from_bytes
+from storage.versions import Versions, find_versions
 
 #: Cells to sample by default: a part of those that were computed, so that a check takes a part of what the build took,
 #: whatever a cell of the model costs; within these numbers.
@@ -88,9 +89,9 @@ def verify(
     )
     with Workers(place, workers) as crew:
         parts = _Parts(crew, Silent() if progress is None else progress)
-        damaged = _check_checksums(parts, report)
+        damaged = _check_checksums(parts, report, find_versions(place.files, manifest))
         if unopened is None:
-            readable = _check_deltas(parts, report, damaged)
+            readable = _check_sets(parts, report, damaged)
             wanted = cells_to_sample(report.cells) if cells is None else cells
             chosen = readable[_spread(len(readable), wanted)].tolist()
             _check_detail(parts, report, chosen)
@@ -148,23 +149,25 @@ class _Parts:
         self._progress.finish(f"{note}, {problems:,} problem{'s' if problems > 1 else ''}" if problems else note)
 
 
-def _check_checksums(parts: _Parts, report: VerifyReport) -> list[bool]:
-    """Every shard. Returns which of the shards of cells are damaged."""
+def _check_checksums(parts: _Parts, report: VerifyReport, versions: Versions) -> list[bool]:
+    """Every manifest and every shard. Returns which of the current version's shards of cells are damaged."""
     parts.start("checksums")
-    shards = list(parts.place.manifest.shards())
-    damaged = []
-    for (purpose, _), problems in zip(shards, parts.each(check_shard, [record for _, record in shards]), strict=True):
+    report.checksums.note(versions.damaged[number] for number in sorted(versions.damaged))
+    shards = list(versions.shards().values())
+    bad = set()
+    for record, problems in zip(shards, parts.each(check_shard, shards), strict=True):
         report.checksums.note(problems)
-        if purpose == "cells":
-            damaged.append(bool(problems))
-    size = sum(record.bytes for _, record in shards)
+        if problems:
+            bad.add(record.name)
+    damaged = [record.name in bad for purpose, record in versions.current.shards() if purpose == "cells"]
+    size = sum(record.bytes for record in shards)
     parts.finish(f"{len(shards):,} shards, {size / 1e6:,.1f} MB", report.checksums.count)
     return damaged
 
 
-def _check_deltas(parts: _Parts, report: VerifyReport, damaged: Sequence[bool]) -> NDArray[np.int64]:
-    """Every change between two cells. Returns the cells (n,) that were computed and do not lie in a damaged shard."""
-    parts.start("deltas")
+def _check_sets(parts: _Parts, report: VerifyReport, damaged: Sequence[bool]) -> NDArray[np.int64]:
+    """Every cell's vLOD. Returns the cells (n,) that were computed and do not lie in a damaged shard."""
+    parts.start("sets")
     section = parts.place.manifest.cells
     shard_cells = [shard.cells for shard in section.shards] if section else []
     computed = parts.place.store.cells["computed"]
@@ -172,9 +175,9 @@ def _check_deltas(parts: _Parts, report: VerifyReport, damaged: Sequence[bool]) 
     report.unreadable = int(computed.sum()) - int(readable.sum())
     items = list(runs(shard_cells, damaged))
     for found in parts.each(check_run, items, [run.end - run.first for run in items]):
-        report.boundaries += found.boundaries
-        report.deltas.join(found.problems)
-    parts.finish(f"{report.boundaries:,} boundaries", report.deltas.count)
+        report.read_cells += found.cells
+        report.sets.join(found.problems)
+    parts.finish(f"{report.read_cells:,} cells", report.sets.count)
     return np.flatnonzero(readable)
 
 

@@ -140,7 +140,7 @@ def _page(
         "<h2>The check</h2>",
         _paragraph(
             f"{verify['sampled_cells']} of {verify['cells']:,} cells, {verify['rays']:,} rays from their surfaces, "
-            f"{verify['boundaries']:,} boundaries: {sound}, {verify['missed']} drawables missed."
+            f"{verify['read_cells']:,} read again: {sound}, {verify['missed']} drawables missed."
         ),
         _table(
             ["reported / seen", "triangles", "drawables"],

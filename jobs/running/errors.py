@@ -21,7 +21,7 @@ class JobError(VlodError):
 
 
 class WorkInUseError(JobError, BlockingIOError):
-    """Another build is using the work directory, or builds the same store."""
+    """Another build, or what cleans up or mends, is using the work directory or the store."""
 
 
 class WorkerLostError(JobError, RuntimeError):

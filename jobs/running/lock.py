@@ -1,7 +1,7 @@
-"""Locks on directories: a file in each that is there and held while a build runs, and names its process.
+"""Locks on directories: a file in each that is there and held while something changes them, and names its process.
 
-The system gives a lock back when its process ends, however it ends; what a killed build left of the file keeps nobody
-out, and goes with the next build.
+The system gives a lock back when its process ends, however it ends; what a killed one left of the file keeps nobody
+out, and goes with the next.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from typing import TextIO
 from jobs.running.errors import WorkInUseError
 from storage.base.temporary import host
 
-#: The file in a directory that says that a build runs.
+#: The file in a directory that says that somebody is in.
 LOCK = "lock"
 
 
 @contextlib.contextmanager
-def locked(folder: Path, cure: str) -> Iterator[None]:
-    """Keeps other builds out of a directory, which is made where it is not there.
+def locked(folder: Path, cure: str, who: str = "another build") -> Iterator[None]:
+    """Keeps others out of a directory, which is made where it is not there.
 
-    cure: what helps whoever is kept out, beside waiting. Raises WorkInUseError at once if another build is in.
+    cure: what helps where somebody is in already, beside waiting; who: what those who are kept out hear of this one.
+    Raises WorkInUseError at once if another one is in.
     """
     with _held(folder, cure) as file:
         try:
             file.truncate(0)
-            file.write(f"process {os.getpid()} on {host()}\n")
+            file.write(f"{who} (process {os.getpid()} on {host()})\n")
             file.flush()
             yield
         finally:
@@ -50,7 +51,7 @@ def _held(folder: Path, cure: str) -> TextIO:
             except BlockingIOError:
                 file.seek(0)
                 owner = file.read().strip() or "another process"
-                raise WorkInUseError(f"{folder} is in use by another build ({owner}): wait for it, or {cure}") from None
+                raise WorkInUseError(f"{folder} is in use by {owner}: wait for it, or {cure}") from None
             if _is_at(file, folder / LOCK):
                 opened.pop_all()
                 return file

@@ -1,8 +1,9 @@
 """Where a build keeps the results of its tasks: the work directory, with its lock and its leftovers.
 
-    WORK/lock, STORE/lock         there and held while a build runs; see jobs.running.lock
+    WORK/lock, STORE/lock         there and held while a build runs, or upkeep; see jobs.running.lock
     WORK/<stage>/<key>/           the whole result of a finished task; record.json is written with it
     WORK/drafts/shards/           shards that only tasks read, as a store has them
+    WORK/versions/<hash>          the results that a version of the store was made from; the hash is of what it says
     WORK/<stage>/.tmp-...         the result of a task that is running, or was killed; see storage.base.temporary
 
 A result appears under its key in one atomic rename, whole. It is safe to delete the directory when no build runs.
@@ -12,15 +13,20 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
 from jobs.running.lock import locked
 from storage.base.temporary import abandoned, temporary_path
+from storage.shards.shards import atomic_file
+
+#: Folder of a work directory that says what each version was made from.
+VERSIONS = "versions"
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,12 @@ class Workplace:
             return
         if not usable(aside) or not _moved(aside, final):
             shutil.rmtree(aside)
+
+    def note(self, version: str, results: Mapping[str, Iterable[str]]) -> None:
+        """Notes the results that a version is made from: their keys by stage. version: a hash of what it says."""
+        content = {stage: sorted(set(keys)) for stage, keys in results.items()}
+        with atomic_file(self.work / VERSIONS / version) as file:
+            file.write(json.dumps(content, sort_keys=True).encode())
 
     @contextlib.contextmanager
     def made(self) -> Iterator[None]:

@@ -12,7 +12,7 @@ Read in this order, in which `jobs.pipeline` lists them:
     tables         nodes and drawables of the whole model
     cells          what can be seen from each view cell
     layout         the order of all cells, and which share a face
-    shards         vLODs and the changes across faces, in cell shards
+    shards         what can be seen from the cells, in cell shards
     packing/       the sequence in which meshes lie, meshes in it, and the tables of the store
 
 A work is a `jobs.running.tasks.Work`: it gets an assignment, writes its result into a fresh directory and the store's

@@ -5,7 +5,6 @@ Each task's cells become one shard, in the order of the tasks' root keys; they a
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 from jobs.running.arrays import save_array
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task, content_of_arrays
-from jobs.running.workplace import Workplace
 from jobs.stages import cells
 from jobs.stages.support import code
 from jobs.stages.support.build_state import BuildState, Tasks
@@ -26,11 +24,8 @@ STAGE = Stage("layout", "jobs.stages.layout:lay_out_cells", code.LAYOUT, ("numpy
 #: Bytes for each cell.
 PER_CELL = 2000
 
-#: Files of a task: the number of the first cell of each shard, and the end (shards + 1,) int64; pairs (n, 2) int64 of
-#: cells that share a face, the lower number first; see `shards_needed`.
-STARTS = "starts.npy"
+#: File of a task: pairs (n, 2) int64 of cells that share a face, the lower number first.
 PAIRS = "pairs.npy"
-NEEDS = "needs.json"
 
 
 @dataclass(frozen=True)
@@ -66,15 +61,5 @@ def lay_out_cells(work: Assignment) -> dict[str, Any]:
     keys = [np.load(work.place.result(cells.STAGE.name, key) / "cells.npy")["key"] for key in places.cells]
     starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
     pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
-    save_array(work.out / STARTS, starts)
     save_array(work.out / PAIRS, pairs)
-    shard = np.searchsorted(starts, pairs, side="right") - 1
-    needs = [sorted({number, *shard[shard[:, 0] == number, 1].tolist()}) for number in range(len(keys))]
-    (work.out / NEEDS).write_text(json.dumps(needs))
     return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": content_of_arrays(starts, pairs)}
-
-
-def shards_needed(place: Workplace, key: str) -> list[list[int]]:
-    """For each cell shard of a layout, the shards whose cells it needs to know, itself among them."""
-    needs: list[list[int]] = json.loads((place.result(STAGE.name, key) / NEEDS).read_text())
-    return needs

@@ -1,4 +1,4 @@
-"""Shards: vLODs and the changes across faces, in cell shards. One task for each subtree of cells."""
+"""Shards: what can be seen from the cells, in cell shards. One task for each subtree of cells."""
 
 from __future__ import annotations
 
@@ -9,40 +9,44 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jobs.running.arrays import mapped_array
+from jobs.running.arrays import mapped_array, save_array
 from jobs.running.memory import PROCESS
 from jobs.running.tasks import Assignment, Stage, Task
-from jobs.stages import cells, layout
+from jobs.stages import cells, tables
 from jobs.stages.support import code
 from jobs.stages.support.build_state import BuildState, Tasks
+from jobs.stages.support.written_geometry import open_drafted
 from storage.base.typed_json import to_json
 from storage.cells.codecs import CODECS
 
 if TYPE_CHECKING:
-    from storage.shards.sections import CellShardRecord
+    from storage.vlod_writer import WrittenCells
 
 STAGE = Stage(
     "shards",
     "jobs.stages.shards:write_cells",
     code.SHARDS,
-    ("numpy", "zstandard"),
+    ("numpy", "numba", "zstandard"),
     apart=code.CODECS,
 )
 
-#: Bytes for each id, and for each cell, of the subtrees that are looked at: its own and those beside it. Measured: 2 to
-#: 3 an id, 600 a cell; ids of cells that nothing is shared with are never read.
+#: Bytes for each id and each cell of the subtree, and for each node, whose tables are read. Measured: 2 to 3 an id,
+#: 600 a cell.
 PER_ID = 8
 PER_CELL = 2000
+PER_NODE = 1500
+
+#: File of a task: GROUP, what the table of all cells says of the shard.
+GROUPS = "groups.npy"
 
 
 @dataclass(frozen=True)
 class Payload:
     """What decides a cell shard."""
 
-    layout: str  # content
-    shard: int  # its number
-    needs: tuple[int, ...]  # numbers of the shards whose cells are looked at, its own among them
-    contents: tuple[str, ...]  # of their cells
+    geometry: str  # content of the tables
+    cells: str  # content
+    pixel_angle: float
     codec: str  # the name of the codec that it is written in
 
 
@@ -50,8 +54,8 @@ class Payload:
 class Places:
     """Keys of the tasks whose results are read."""
 
-    layout: str
-    cells: tuple[str, ...]  # of the shards that are needed
+    tables: str
+    cells: str
 
 
 def tasks(state: BuildState) -> Tasks:
@@ -62,19 +66,13 @@ def tasks(state: BuildState) -> Tasks:
 def _shards(state: BuildState) -> Iterator[Task]:
     codec = state.parameters.codec
     stage = dataclasses.replace(STAGE, code=(*STAGE.code, *_code_of(codec)))
-    laid_out, found = state.one(layout.STAGE), cells.finished_cells(state)
-    for number, needs in enumerate(layout.shards_needed(state.place, laid_out.key)):
-        payload = Payload(
-            layout=laid_out.record["content"],
-            shard=number,
-            needs=tuple(needs),
-            contents=tuple(found[other].record["content"] for other in needs),
-            codec=codec,
-        )
-        places = Places(laid_out.key, tuple(found[other].key for other in needs))
-        ids, count = (sum(int(found[other].record[name]) for other in needs) for name in ("ids", "cells"))
-        memory = PROCESS + PER_ID * ids + PER_CELL * count
-        yield Task(stage, to_json(payload), to_json(places), memory)
+    joined = state.one(tables.STAGE)
+    nodes = int(joined.record["counts"]["nodes"])
+    for found in cells.finished_cells(state):
+        payload = Payload(joined.record["content"], found.record["content"], state.parameters.pixel_angle(), codec)
+        ids, count = int(found.record["ids"]), int(found.record["cells"])
+        memory = PROCESS + PER_ID * ids + PER_CELL * count + PER_NODE * nodes
+        yield Task(stage, to_json(payload), to_json(Places(joined.key, found.key)), memory)
 
 
 def _code_of(codec: str) -> tuple[str, ...]:
@@ -83,42 +81,35 @@ def _code_of(codec: str) -> tuple[str, ...]:
 
 
 def write_cells(work: Assignment) -> dict[str, Any]:
-    """One subtree's cells to a cell shard: their vLODs and the changes across their faces."""
+    """One subtree's cells to a cell shard."""
+    from storage.known_cells import KnownCells
     from storage.vlod_writer import write_cell_shard
 
     payload, places = work.read(Payload, Places)
-    laid_out = work.place.result(layout.STAGE.name, places.layout)
-    starts = np.load(laid_out / layout.STARTS)
-    number = payload.shard
-    first, end = int(starts[number]), int(starts[number + 1])
-    pairs = mapped_array(laid_out / layout.PAIRS)
-    pairs = pairs[slice(*np.searchsorted(pairs[:, 0], [first, end]))]
-    sets: dict[int, np.ndarray] = {}
-    rows = np.zeros(0)
-    for other, key in zip(payload.needs, places.cells, strict=True):
-        folder = work.place.result(cells.STAGE.name, key)
-        offsets, ids = np.load(folder / "offsets.npy"), mapped_array(folder / "ids.npy")
-        for at in range(len(offsets) - 1):
-            sets[int(starts[other]) + at] = ids[offsets[at] : offsets[at + 1]]
-        if other == number:
-            rows = np.load(folder / "cells.npy")
-    shard = write_cell_shard(
+    geometry = open_drafted(work.place, tables.STAGE.name, places.tables)
+    folder = work.place.result(cells.STAGE.name, places.cells)
+    offsets, ids = np.load(folder / "offsets.npy"), mapped_array(folder / "ids.npy")
+    written = write_cell_shard(
         work.place.store,
-        rows,
-        [sets[cell] for cell in range(first, end)],
-        [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()],
-        first=first,
+        np.load(folder / "cells.npy"),
+        np.split(ids, offsets[1:-1]),
+        KnownCells(geometry.nodes, geometry.drawables, payload.pixel_angle),
         codec=payload.codec,
     )
+    save_array(work.out / GROUPS, written.groups)
+    shard = written.record
     return {"shards": [[shard.name, shard.bytes]], "cells": shard.cells, "codec": shard.codec}
 
 
-def written_shards(state: BuildState) -> list[CellShardRecord]:
+def written_shards(state: BuildState) -> list[WrittenCells]:
     """The cell shards of a build, in the order of their cells' numbers."""
     from storage.shards.sections import CellShardRecord
+    from storage.vlod_writer import WrittenCells
 
     found = []
-    for result in state.all(STAGE):
+    for result, source in zip(state.all(STAGE), cells.finished_cells(state), strict=True):
         ((name, size),) = result.record["shards"]
-        found.append(CellShardRecord(name, size, result.record["cells"], result.record["codec"]))
+        record = CellShardRecord(name, size, result.record["cells"], result.record["codec"])
+        rows = np.load(state.place.result(cells.STAGE.name, source.key) / "cells.npy")
+        found.append(WrittenCells(record, rows, np.load(state.place.result(STAGE.name, result.key) / GROUPS)))
     return found

@@ -18,7 +18,6 @@ from player.renderer.facet_table import CellBox
 from player.shown_model import ShownModel
 from player.strategies.frustum import Frustum
 from player.strategies.strategy import Choice
-from storage.cells.deltas import apply
 from storage.model.cut import choose_cut
 from storage.model.tree import overlapping
 
@@ -156,12 +155,8 @@ class Vlod:
         return cut[overlapping(store.nodes, self._model.nodes_of(cut), self._model.nodes_of(ids))]
 
     def _load(self, cell: int) -> Ids:
-        """The cell's vLOD: by the delta from the present cell where they are neighbours, else from its shard."""
-        store, here = self._model.store, self._cell
-        known = self._sets.get(here)
-        if known is not None and here != cell and cell in store.neighbours(here):
-            return apply(known.astype(np.uint32), store.delta(here, cell)).astype(np.int64)
-        return store.vlod(cell)
+        """The cell's vLOD."""
+        return self._model.store.vlod(cell)
 
     def _cells_ahead(self, view: View, motion: Vector) -> list[int]:
         """Computed cells that may be entered next, the likeliest first."""

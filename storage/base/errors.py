@@ -17,8 +17,8 @@ the path or value, says what was expected, and what to do. The command line prin
 
 from __future__ import annotations
 
-#: What helps against damage: a build makes again what is not there, and nothing else.
-CURE = "copy it again, or remove it and run the build again"
+#: What helps against damage.
+CURE = "copy it again, or mend it: `vlod verify STORE --repair`"
 
 
 class VlodError(Exception):

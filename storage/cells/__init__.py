@@ -1,8 +1,9 @@
-"""View cells: where they lie, and how what is seen from each is kept as changes from its neighbours.
+"""View cells: where they lie, what changes between them, and how what is seen from each becomes bytes.
 
 Read in this order:
     octree             keys of cells, their boxes and neighbours, and which cell holds a point
     deltas             what changes from one cell to another
-    spanning_forest    which of the changes rebuild each cell of a shard
-    codecs/            sets and changes as bytes
+    group              cells that are coded together, and what is known of them before
+    decisions          how much it takes to tell what is seen from a cell
+    codecs/            what is seen from a group of cells as bytes
 """

@@ -6,7 +6,6 @@ section 6.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,13 +45,3 @@ def apply(ids: Ids, delta: Delta) -> Ids:
     if (joined[1:] == joined[:-1]).any():
         raise ValueError("a delta adds ids that are there already")
     return joined
-
-
-def apply_chain(lists: Sequence[Ids]) -> Ids:
-    """The set after a chain of changes, strictly increasing.
-
-    lists: the set, and what each change adds and what it drops, in any order. Each adds only what is not there and
-    drops only what is, so what is there in the end are the ids that the lists name an odd number of times.
-    """
-    ids, counts = np.unique(np.concatenate(lists), return_counts=True)
-    return ids[counts % 2 == 1].astype(np.uint32)

@@ -5,4 +5,5 @@ Read in this order:
     info       `vlod info`: what a store holds, as
     facts      numbers and names that JSON can say, and
     text       tables and lines for people
+    versions   `vlod versions`: the versions of a store
 """

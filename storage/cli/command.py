@@ -29,6 +29,8 @@ _COMMANDS = {
     "build": _Lazy("jobs.commands", "build", "Make a store from model files.", "jobs"),
     "verify": _Lazy("jobs.commands", "verify", "Check a store against independent rays.", "jobs"),
     "info": _Lazy("storage.cli.info", "info", "Say what a store holds.", None),
+    "versions": _Lazy("storage.cli.versions", "versions", "List the versions of a store.", None),
+    "gc": _Lazy("jobs.commands", "gc", "Remove what no kept version of a store needs.", "jobs"),
     "play": _Lazy("player.commands", "play", "Walk through a store.", "player"),
     "path": _Lazy("player.commands", "path", "Make a tour through a store.", "player"),
     "demo-scene": _Lazy("jobs.commands", "demo_scene", "Make a model to try things with.", "jobs"),

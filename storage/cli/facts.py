@@ -24,8 +24,7 @@ _KINDS = {
     Kind.SOURCE_FACES: "source faces",
     Kind.TABLE: "tables",
     Kind.NAMES: "names",
-    Kind.KEY_SET: "key sets of cells",
-    Kind.DELTAS: "changes across boundaries",
+    Kind.CELLS: "what is seen from cells",
 }
 _OTHER_KINDS = "frames of other kinds"
 
@@ -169,18 +168,18 @@ def _bytes(store: Store) -> dict[str, Any]:
     named = {label: kinds[kind] for kind, label in _KINDS.items() if kind in kinds}
     if others := sum(size for kind, size in kinds.items() if kind not in _KINDS):
         named[_OTHER_KINDS] = others
-    shards = sum(record.bytes for _, record in store.manifest.shards())
+    sizes = {record.name: record.bytes for _, record in store.manifest.shards()}
+    shards = sum(sizes.values())
     manifest = store.files.size(FILE) or 0
-    boundaries = store.boundary_count
+    computed = int(store.cells["computed"].sum())
     triangles = store.manifest.counts["stored_triangles"]
     return {
         "manifest": manifest,
         **named,
         "indices and checksums": shards - sum(named.values()),
         "total": shards + manifest,
-        "shards": sum(1 for _ in store.manifest.shards()),
-        "boundaries": boundaries,
-        "per_boundary": _ratio(kinds.get(Kind.DELTAS, 0), boundaries),
+        "shards": len(sizes),
+        "per_cell": _ratio(kinds.get(Kind.CELLS, 0), computed),
         "per_stored_triangle": _ratio(kinds.get(Kind.GEOMETRY, 0), triangles),
     }
 

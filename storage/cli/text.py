@@ -71,12 +71,12 @@ def sections(facts: dict[str, Any]) -> list[Section]:
     kinds = [
         (name, _size(size), f"{100 * size / sizes['total']:.1f} %")
         for name, size in sizes.items()
-        if name not in ("total", "shards", "boundaries", "per_boundary", "per_stored_triangle")
+        if name not in ("total", "shards", "per_cell", "per_stored_triangle")
     ]
     total = (f"total, in {sizes['shards']:,} shards", _size(sizes["total"]), "100 %")
     each = [("meshes, a stored triangle", _each(sizes["per_stored_triangle"]), "")]
-    if sizes["boundaries"]:
-        each.append((f"changes, each of {sizes['boundaries']:,} boundaries", _each(sizes["per_boundary"]), ""))
+    if sizes["per_cell"] is not None:
+        each.append(("what is seen from a cell", _each(sizes["per_cell"]), ""))
     found.append(Section("Bytes", ("what", "size", "share"), [*kinds, total, *each]))
     return found
 

@@ -101,22 +101,10 @@ CELL = np.dtype(
     ]
 )
 
-#: How a cell's vLOD is reached inside its shard: whole, or as a change from another cell's.
-CELL_LINK = np.dtype(
+#: Cells that follow each other in the store and whose vLODs are coded together: a frame of their shard.
+GROUP = np.dtype(
     [
-        ("parent", "<i4"),  # index inside the shard of the cell that it is a change from; -1: it is stored whole
-        ("frame", "<u4"),  # frame that holds the whole set, or the change
-        ("slot", "<u4"),  # which of the frame's changes it is; 0 for a whole set
-    ]
-)
-
-#: A face between two cells, first < second, kept in the first one's shard.
-BOUNDARY = np.dtype(
-    [
-        ("first", "<u4"),  # index of a cell inside the shard
-        ("second", "<u4"),  # index of a cell in the store
-        ("frame", "<u4"),  # frame that holds the change from first to second
-        ("slot", "<u4"),  # which of the frame's changes it is
+        ("cells", "<u4"),  # how many, computed or not: they follow those of the group before
     ]
 )
 

@@ -27,7 +27,7 @@ from storage.shards.sections import CellsSection, GeometrySection, ModelSection
 from storage.shards.shards import ShardRecord, atomic_file, shard_path
 
 #: Version of the format that this code writes and reads.
-FORMAT = 5
+FORMAT = 6
 
 FILE = "manifest.json"
 

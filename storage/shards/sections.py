@@ -59,7 +59,7 @@ class CellShardRecord(ShardRecord):
     """A finished shard of cells."""
 
     cells: int  # how many; they are numbered on from those of the shard before it
-    codec: str  # the codec of its sets and changes: storage.cells.codecs
+    codec: str  # the codec of its groups: storage.cells.codecs
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,6 @@ class CellsSection:
 
     octree_lo: Point
     octree_size: float  # edge of the octree's cube, in model units
-    table: ShardRecord  # the CELL rows of all cells
+    table: ShardRecord  # the CELL rows of all cells, and the GROUP rows
     shards: tuple[CellShardRecord, ...]  # in the order of their cells' numbers
     counts: CellCounts

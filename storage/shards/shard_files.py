@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from storage.base.errors import CURE, CorruptStoreError, StoreError, StoreNotFoundError
 from storage.shards.cache import ByteCache
 from storage.shards.files import AT_ONCE, Files, Range
-from storage.shards.shards import TAIL_READ, Kind, ShardReader, ShardRecord, shard_path
+from storage.shards.shards import Kind, ShardReader, ShardRecord, shard_path
 
 Value = TypeVar("Value")
 
@@ -19,14 +19,12 @@ Value = TypeVar("Value")
 class ShardFiles:
     """The shards of a store, read within a budget of memory. Safe to use from several threads.
 
-    cache: keeps the ends of shards, beside whatever else it is used for; whole: shards of at most so many bytes are
-    read in one request and kept whole.
+    cache: keeps the ends of shards, beside whatever else it is used for.
     """
 
-    def __init__(self, files: Files, cache: ByteCache[Any], *, whole: int = TAIL_READ) -> None:
+    def __init__(self, files: Files, cache: ByteCache[Any]) -> None:
         self.files = files
         self._cache = cache
-        self._whole = whole
 
     def reader(self, record: ShardRecord) -> ShardReader:
         """Reads one shard. Nothing is read yet.
@@ -42,9 +40,7 @@ class ShardFiles:
             except StoreNotFoundError as error:
                 raise _missing(error, path) from error
 
-        return ShardReader(
-            record, read, self._cache, self.files.url, whole=self._whole, doubt=partial(self.files.forget, path)
-        )
+        return ShardReader(record, read, self._cache, self.files.url, doubt=partial(self.files.forget, path))
 
     def fetched(self, records: Sequence[ShardRecord]) -> list[ShardReader]:
         """Readers of shards that are read whole, all of them at once, and kept for as long as their readers are.

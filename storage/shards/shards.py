@@ -64,8 +64,7 @@ class Kind(IntEnum):
     NAMES = 2  # a list of strings: storage.shards.columns
     GEOMETRY = 3  # a pack of meshes: storage.meshes.pack
     SOURCE_FACES = 4  # the faces that the meshes of a pack come from: storage.meshes.pack
-    KEY_SET = 5  # a cell's whole vLOD: storage.cells.codecs
-    DELTAS = 6  # a block of boundaries' deltas: storage.cells.codecs
+    CELLS = 5  # what can be seen from the cells of a group: storage.cells.codecs
 
 
 @dataclass(frozen=True)
@@ -172,9 +171,8 @@ class ShardReader:
     """Reads the frames of one shard. Safe to use from several threads.
 
     read: gives the bytes from start to end of the shard's file; cache: keeps what was read of the shard's end, for as
-    long as it likes; store: path or URL of the store, for errors; whole: a shard of at most so many bytes is read in
-    one request; doubt: is called at every damage that is found. Every method raises CorruptStoreError, which names the
-    shard, when bytes are missing or changed.
+    long as it likes; store: path or URL of the store, for errors; doubt: is called at every damage that is found. Every
+    method raises CorruptStoreError, which names the shard, when bytes are missing or changed.
     """
 
     def __init__(
@@ -184,14 +182,12 @@ class ShardReader:
         cache: ByteCache[Any],
         store: str,
         *,
-        whole: int = TAIL_READ,
         doubt: Callable[[], None] | None = None,
     ) -> None:
         self.record = record
         self._store = store
         self._read = read
         self._cache = cache
-        self._whole = whole
         self._doubt = doubt
 
     @property
@@ -206,7 +202,7 @@ class ShardReader:
 
     def _read_end(self) -> tuple[_End, int]:
         size = self.record.bytes
-        start = 0 if size <= self._whole else max(0, size - TAIL_READ)
+        start = max(0, size - TAIL_READ)
         end = self._range(start, size)
         if len(end) < TAIL_BYTES + len(MAGIC) or end[-8:] != TAIL_MAGIC:
             raise self.corrupt("its end is not a shard's")
@@ -219,8 +215,20 @@ class ShardReader:
         index = end[len(end) - TAIL_BYTES - length : -TAIL_BYTES]
         if _index_checksum(index) != end[-24:-8]:
             raise self.corrupt("its index does not match its checksum")
+        frames = np.frombuffer(index, FRAME)
         whole = end if start == 0 else None
-        return _End(np.frombuffer(index, FRAME), whole), len(index) + len(whole or b"")
+        if whole is not None:
+            self._check_name(whole, frames)
+        return _End(frames, whole), len(index) + len(whole or b"")
+
+    def _check_name(self, content: bytes, frames: np.ndarray) -> None:
+        """Raises CorruptStoreError if the whole shard is another one: sound in itself, but not what the name says."""
+        digest = hashlib.sha256(content).hexdigest()[:32]
+        places = zip(*(frames[field].tolist() for field in ("offset", "bytes", "checksum")), strict=True)
+        if digest != self.record.name and all(
+            checksum(content[start : start + size]) == expected for start, size, expected in places
+        ):
+            raise self.corrupt(f"its content hashes to {digest}")
 
     def frame(self, number: int, kind: Kind) -> bytes:
         """The bytes of frame `number`, checked against its checksum and kind."""

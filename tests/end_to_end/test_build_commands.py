@@ -103,7 +103,7 @@ def test_verify_measures_what_a_sampled_store_misses(sampled):
 def test_what_a_sampled_store_says_it_misses_is_what_the_oracle_finds(tmp_path):
     """Both are shares of rays that took no part in making the store, of other points and directions."""
     said(vlod("demo-scene", "offices", tmp_path / "o.glb", "--triangles", 60000, "--json"))
-    where = ["--view-box", -14, -2.2, -12, 14, 2.5, 12, "--cell-size", 3.6, "--triangles-per-cell", 6000]
+    where = ["--view-box", -14, -2.2, -12, 14, 2.5, 12, "--cell-size", 5, "--triangles-per-cell", 6000]
     options = ["--sampled", "--executor", "serial", *where]
     report = said(vlod("build", tmp_path / "o.glb", tmp_path / "o.store", *options, "--json"))
     assert report["counts"]["computed_cells"] > 5

@@ -56,7 +56,7 @@ def content(store):
 
 def finished(store):
     """Tasks whose results are published."""
-    return len([path for path in (store / "work").glob("*/*") if not path.name.startswith(".")])
+    return len([path for path in (store / "work").glob("*/*/record.json") if not path.parent.name.startswith(".")])
 
 
 def begin(model, store, options, least):

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.cells.octree import Octree, neighbours
+from storage.cells.octree import Octree
 from storage.cli.text import length
+from storage.known_cells import KnownCells
 from storage.model.tree import leaves
 from storage.shards.manifest import commit
 from storage.store import Store
@@ -105,9 +106,8 @@ def rewrite_cells(store: Store, rows: np.ndarray) -> None:
     root = Path(store.files.url)
     section = store.manifest.cells
     assert section is not None
-    pairs, _ = neighbours(rows["key"])
-    sets = [store.vlod(cell).astype(np.uint32) for cell in range(len(rows))]
-    shard = write_cell_shard(root, rows, sets, [(a, b, sets[a], sets[b]) for a, b in pairs.tolist()], first=0)
+    known = KnownCells(store.nodes, store.drawables, store.manifest.pixel_angle)
+    shard = write_cell_shard(root, rows, [store.vlod(cell) for cell in range(len(rows))], known)
     octree = Octree(section.octree_lo, section.octree_size)
     commit(root, replace(store.manifest, cells=cells_section(root, octree, [shard])))
 

@@ -60,12 +60,22 @@ def _lists(payload: bytes) -> list[list[int]]:
     return lists
 
 
+def _apart(one: np.void, other: np.void) -> int:
+    """The squared distance of two cells' centres, in half edges of the finest cells there can be."""
+    centres = []
+    for row in (one, other):
+        digits = [int(row["key"]) >> (3 * level) & 7 for level in range(int(row["depth"]))]
+        place = [sum((digit >> axis & 1) << level for level, digit in enumerate(digits)) for axis in range(3)]
+        centres.append([(2 * at + 1) << (20 - int(row["depth"])) for at in place])
+    return sum((a - b) ** 2 for a, b in zip(*centres, strict=True))
+
+
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     def visible(geometry, cell, cut):
         return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
 
-    return make_store(tmp_path_factory.mktemp("store"), room_parts(), visible=visible)
+    return make_store(tmp_path_factory.mktemp("store"), room_parts(), visible=visible, codecs=["gap-varint-zstd"])
 
 
 def test_the_modules_that_it_names_are_there() -> None:
@@ -85,7 +95,7 @@ def test_the_manifest(store: Store) -> None:
     checksum = content.pop("checksum")
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
     assert hashlib.blake2b(canonical, digest_size=16).hexdigest() == checksum
-    assert content["format"] == 5
+    assert content["format"] == 6
     assert content["requires"] == []
     assert set(content["model"]) == {"digest", "triangles", "lo", "hi", "origin", "up", "unit_in_metres"}
     assert set(content["geometry"]) == {"grid_step", "tables", "shards", "counts"}
@@ -107,34 +117,31 @@ def test_tables(store: Store) -> None:
 def test_cells(store: Store) -> None:
     root = Path(store.files.url)
     cells = json.loads((root / "manifest.json").read_bytes())["cells"]
-    assert _table(_shard(root, cells["table"])[0][1]).tobytes() == store.cells.tobytes()
-    first = 0
+    table, groups = (_table(payload) for _, payload in _shard(root, cells["table"]))
+    assert table.tobytes() == store.cells.tobytes()
+    first, sizes = 0, groups["cells"].tolist()
     for shard in cells["shards"]:
         assert shard["codec"] == "gap-varint-zstd"
-        count = shard["cells"]
-        frames = _shard(root, shard)
-        rows, links, boundaries = (_table(payload) for _, payload in frames[:3])
-        assert rows.tobytes() == store.cells[first : first + count].tobytes()
-        for cell in range(count):
-            odd: set[int] = set()
-            steps, at = 0, cell
-            while links[at]["parent"] >= 0:
-                kind, payload = frames[links[at]["frame"]]
-                assert kind == 6
-                slot = links[at]["slot"]
-                for ids in _lists(payload)[2 * slot : 2 * slot + 2]:
-                    odd ^= set(ids)
-                at, steps = links[at]["parent"], steps + 1
-            kind, payload = frames[links[at]["frame"]]
+        end = first + shard["cells"]
+        for kind, payload in _shard(root, shard):
             assert kind == 5
-            assert steps <= 16
-            assert sorted(odd ^ set(_lists(payload)[0])) == store.vlod(first + cell).tolist()
-        for row in boundaries:
-            lists = _lists(frames[row["frame"]][1])
-            added, dropped = lists[2 * row["slot"]], lists[2 * row["slot"] + 1]
-            delta = store.delta(first + int(row["first"]), int(row["second"]))
-            assert (added, dropped) == (delta.added.tolist(), delta.dropped.tolist())
-        first += count
+            members = [cell for cell in range(first, first + sizes[0]) if table["computed"][cell]]
+            first += sizes.pop(0)
+            lists = _lists(payload)
+            assert len(lists) == max(2 * len(members) - 1, 0)
+            sets: list[set[int]] = []
+            for number, cell in enumerate(members):
+                if number == 0:
+                    sets.append(set(lists[0]))
+                else:
+                    before = min(range(number), key=lambda k: (_apart(table[members[k]], table[cell]), -k))
+                    added, dropped = set(lists[2 * number - 1]), set(lists[2 * number])
+                    assert not added & sets[before]
+                    assert dropped <= sets[before]
+                    sets.append((sets[before] | added) - dropped)
+                assert sorted(sets[number]) == store.vlod(cell).tolist()
+        assert first == end
+    assert sizes == []
     lo, size = np.array(cells["octree_lo"]), cells["octree_size"]
     for cell in store.cells:
         digits = [int(cell["key"]) >> (3 * level) & 7 for level in range(int(cell["depth"]))]

@@ -209,7 +209,7 @@ def test_a_store_without_cells(tmp_path: Path) -> None:
 def test_one_cell_costs_little(tmp_path: Path) -> None:
     """Opening, then one cell: far less than the cells' shards."""
     parts = [
-        box_part(f"box {i}", (i % 40, i // 40, 0), (i % 40 + 0.5, i // 40 + 0.5, 1), segments=(1,)) for i in range(2000)
+        box_part(f"box {i}", (i % 40, i // 40, 0), (i % 40 + 0.5, i // 40 + 0.5, 1), segments=(1,)) for i in range(4000)
     ]
     make_store(tmp_path, parts, depth=3, visible=_some(), cells_per_shard=512)
     store = open_store(tmp_path)
@@ -224,16 +224,18 @@ def test_one_cell_costs_little(tmp_path: Path) -> None:
 
 def test_memory_for_shards_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However many shards there are, nothing of them is kept outside the caches' budgets."""
-    budget = 20_000
+    budget = 3_000
     monkeypatch.setattr("storage.store.CELL_CACHE", budget)
     monkeypatch.setattr("storage.geometry_reader.GEOMETRY_CACHE", budget)
-    make_store(tmp_path, room_parts(), depth=3, visible=_some(), cells_per_shard=1)
+    parts = [box_part(f"box {i}", (i, 0, 0), (i + 0.5, 1, 1), segments=(1,)) for i in range(400)]
+    make_store(tmp_path, parts, depth=3, visible=_some(), cells_per_shard=1, codecs=["gap-varint-zstd"])
     store = open_store(tmp_path)
     assert store.manifest.cells is not None
     read = sum(shard.bytes for shard in store.manifest.cells.shards)
     assert read > 20 * budget  # so small that each comes whole with its index
     visible = _some()
     order = np.random.default_rng(0).permutation(512).tolist()
+    store.vlod(0)  # kernels are loaded, the hierarchy is in memory
     tracemalloc.start()
     try:
         for cell in order:

@@ -16,9 +16,10 @@ from types import MappingProxyType
 import numpy as np
 
 from storage.cells.codecs import DEFAULT
-from storage.cells.octree import Octree, neighbours
+from storage.cells.octree import Octree
 from storage.geometry_reader import Geometry, open_geometry
 from storage.geometry_writer import geometry_section, join_geometry, write_geometry_shard, write_tables_shard
+from storage.known_cells import KnownCells
 from storage.meshes.pack import MeshArrays
 from storage.meshes.placement import transform_points
 from storage.model.cut import choose_cut, pixel_angle
@@ -198,15 +199,12 @@ def make_store(
         cell["turned_triangles"] = turned.triangle_counts.sum()
         cell["proven_drawables"], cell["proven_triangles"] = len(ids), sizes[ids].sum()
         sets.append(ids.astype(np.uint32))
-    pairs, _ = neighbours(leaves)
-    pairs = pairs[cells["computed"][pairs].all(axis=1)]
+    known = KnownCells(geometry.nodes, geometry.drawables, angle)
     shards = []
     for first in range(0, len(cells), cells_per_shard):
         last = min(first + cells_per_shard, len(cells))
-        own = pairs[(pairs[:, 0] >= first) & (pairs[:, 0] < last)]
-        faces = [(int(a), int(b), sets[a], sets[b]) for a, b in own]
         codec = codecs[len(shards) % len(codecs)]
-        shards.append(write_cell_shard(root, cells[first:last], sets[first:last], faces, first=first, codec=codec))
+        shards.append(write_cell_shard(root, cells[first:last], sets[first:last], known, codec=codec))
     manifest = Manifest(
         model=model,
         pixel_angle=angle,

@@ -23,7 +23,7 @@ STAGE = Stage("packs", "jobs.stages.packing.packs:write_packs_of_shard", code.PA
 #: Bytes for each node, whose tables are read; and for all else: what the reader keeps of the packs that the meshes lay
 #: in, 256 MiB at most, and a shard's meshes, 13 MiB.
 PER_NODE = 1500
-REST = 500 << 20
+REST = 350 << 20
 
 
 @dataclass(frozen=True)

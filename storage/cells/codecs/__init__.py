@@ -1,12 +1,13 @@
-"""Codecs for lists of drawable ids: one file each, all behind `Codec`.
+"""Codecs for what can be seen from the cells of a group: one file each, all behind `Codec`.
 
 Read in this order:
-    gap_varint       gaps between ids, as
-    varint           numbers of one to five bytes
-    delimiter        the vLOD paper's own code of offsets and runs
-    group            cells that are coded together, and what is known of them before
-    contexts         each cell once, given its cut: codes groups; no store is written with it yet
-    context_mixing   its inner loop
+    contexts           the default: each cell once, given its cut and the cells before
+    context_mixing     its inner loop
+    changes            a codec of lists as one of groups: a whole set, then changes
+    gap_varint         lists as gaps between ids, as
+    varint             numbers of one to five bytes
+    delimiter          lists in the vLOD paper's own code, of
+    offsets_and_runs   numbers with two bits between them
 
 A new codec is a module with its `CODEC`, and a line in CODECS. Importing this package imports none of them.
 """
@@ -20,34 +21,30 @@ from typing import TYPE_CHECKING, Protocol
 from storage.base.errors import StoreFormatError
 
 if TYPE_CHECKING:
-    from storage.cells.deltas import Ids
+    from storage.cells.group import Group, Ids
 
 
 class Codec(Protocol):
-    """Turns lists of ids into bytes and back."""
+    """Turns what can be seen from the cells of a group into bytes and back."""
 
-    @property
-    def block_ids(self) -> int:
-        """A block of changes is closed when it holds this many ids: larger ones compress better and read slower."""
+    def encode(self, sets: Sequence[Ids], group: Group) -> bytes:
+        """Bytes of a set for each cell of a group: strictly increasing int64 ids (n,) out of the cell's cut."""
         ...
 
-    def encode(self, lists: Sequence[Ids]) -> bytes:
-        """Bytes of lists of strictly increasing ids, uint32 (n,) each; lists may be empty."""
-        ...
-
-    def decode(self, data: bytes) -> list[Ids]:
-        """The lists again. Raises CorruptStoreError if the bytes make no sense."""
+    def decode(self, data: bytes, group: Group) -> list[Ids]:
+        """The sets again. Raises CorruptStoreError if the bytes make no sense."""
         ...
 
 
 #: What stores call each codec, and the module that has its `CODEC`.
 CODECS = {
+    "contexts": "storage.cells.codecs.contexts",
     "gap-varint-zstd": "storage.cells.codecs.gap_varint",
     "delimiter": "storage.cells.codecs.delimiter",
 }
 
 #: The codec that new stores are written with.
-DEFAULT = "gap-varint-zstd"
+DEFAULT = "contexts"
 
 
 def codec_named(name: str) -> Codec:

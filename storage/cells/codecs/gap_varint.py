@@ -14,6 +14,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from storage.base.errors import CorruptStoreError
+from storage.cells.codecs.changes import Changes
 from storage.cells.codecs.varint import decode_varints, encode_varints
 
 #: zstd level: blocks are written once and are a few kilobytes long.
@@ -26,9 +27,7 @@ LARGEST_BLOCK = 1 << 30
 class GapVarint:
     """Gap coding, LEB128, zstd."""
 
-    block_ids = 1 << 12
-
-    def encode(self, lists: Sequence[NDArray[np.uint32]]) -> bytes:
+    def encode_lists(self, lists: Sequence[NDArray[np.uint32]]) -> bytes:
         """Bytes of lists of strictly increasing uint32 ids: counts of lists and numbers (u4 each), then the numbers."""
         lengths = np.array([len(ids) for ids in lists], np.uint32)
         ids = np.concatenate([np.asarray(ids, np.uint32) for ids in lists]) if len(lists) else np.zeros(0, np.uint32)
@@ -40,7 +39,7 @@ class GapVarint:
         head = np.array([len(lengths), len(numbers)], "<u4").tobytes()
         return head + zstandard.ZstdCompressor(LEVEL).compress(encode_varints(numbers).tobytes())
 
-    def decode(self, data: bytes) -> list[NDArray[np.uint32]]:
+    def decode_lists(self, data: bytes) -> list[NDArray[np.uint32]]:
         """The lists again. Raises CorruptStoreError if the bytes make no sense."""
         try:
             count, total = (int(value) for value in np.frombuffer(data[:8], "<u4"))
@@ -61,4 +60,4 @@ class GapVarint:
         return np.split(ids, ends[:-1]) if count else []
 
 
-CODEC = GapVarint()
+CODEC = Changes(GapVarint())

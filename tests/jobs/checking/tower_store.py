@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from storage.cells.octree import encode, morton_order, neighbours
+from storage.cells.octree import encode, morton_order
 from storage.geometry_reader import open_geometry
+from storage.known_cells import KnownCells
 from storage.model.cut import pixel_angle
 from storage.model.tables import CELL
 from storage.shards.manifest import Manifest, commit
@@ -89,31 +90,20 @@ def make_tower(root: Path, tower: Tower, tell: Callable[[int, int], None] = lamb
             mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
         return ids[(mixed >> np.uint64(33)) % np.uint64(50) > 0].astype(np.uint32)
 
-    sets: dict[int, NDArray[np.uint32]] = {}
-
-    def known(number: int) -> NDArray[np.uint32]:
-        if number not in sets:
-            sets[number] = visible(number)
-        return sets[number]
-
-    pairs, _ = neighbours(keys)
+    hierarchy = KnownCells(geometry.nodes, geometry.drawables, pixel_angle(1080, 60.0))
     shards = []
     for first in range(0, len(cells), SHARD):
         end = min(first + SHARD, len(cells))
         tell(first, len(cells))
+        sets: list[NDArray[np.int64]] = []
         for number in range(first, end):
-            ids = known(number).astype(np.int64)
+            ids = visible(number).astype(np.int64)
+            sets.append(ids)
             cell = cells[number]
             cell["drawables"], cell["triangles"] = len(ids), sizes[ids].sum()
             turned = facets.turned_away(ids, cell["lo"], cell["hi"])
             cell["turned_triangles"] = turned.triangle_counts.sum()
-        own = pairs[(pairs[:, 0] >= first) & (pairs[:, 0] < end)]
-        faces = [(a, b, known(a), known(b)) for a, b in own.tolist()]
-        shards.append(
-            write_cell_shard(root, cells[first:end], [known(n) for n in range(first, end)], faces, first=first)
-        )
-        for number in [number for number in sets if number < end]:
-            del sets[number]
+        shards.append(write_cell_shard(root, cells[first:end], sets, hierarchy))
     tell(len(cells), len(cells))
     commit(
         root,

@@ -76,7 +76,7 @@ def test_a_codec_is_a_file_and_a_line(model, tmp_path, monkeypatch):
 
 
 def test_a_shard_is_keyed_by_the_codec_that_it_is_written_in_and_no_other(monkeypatch):
-    rooms = ("storage.cells.codecs.gap_varint", "storage.cells.codecs.varint")
+    rooms = ("storage.cells.codecs.context_mixing", "storage.cells.codecs.contexts")
     assert shards._code_of(codecs.DEFAULT) == rooms
     monkeypatch.setitem(codecs.CODECS, "toy", toy_codec.__name__)
     assert shards._code_of(codecs.DEFAULT) == rooms

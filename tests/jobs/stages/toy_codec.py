@@ -1,4 +1,4 @@
-"""A codec of ids that no store is written in: numbers one after the other, four bytes each."""
+"""A codec that no store is written in: numbers one after the other, four bytes each."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ import numpy as np
 
 
 class Plain:
-    """Lengths of the lists, then the ids."""
+    """Lengths of the sets, then the ids."""
 
-    block_ids = 64
-
-    def encode(self, lists):
+    def encode(self, sets, group):
         """See `storage.cells.codecs.Codec`."""
-        lengths = [len(lists), *(len(ids) for ids in lists)]
-        return np.concatenate([np.array(lengths, "<u4"), *lists]).astype("<u4").tobytes()
+        lengths = [len(sets), *(len(ids) for ids in sets)]
+        return np.concatenate([np.array(lengths, "<u4"), *sets]).astype("<u4").tobytes()
 
-    def decode(self, data):
+    def decode(self, data, group):
         """See `storage.cells.codecs.Codec`."""
-        numbers = np.frombuffer(data, "<u4")
+        numbers = np.frombuffer(data, "<u4").astype(np.int64)
         ends = 1 + int(numbers[0]) + np.cumsum(numbers[1 : 1 + int(numbers[0])])
         return np.split(numbers[: ends[-1]], [1 + int(numbers[0]), *ends[:-1]])[1:] if len(ends) else []
 

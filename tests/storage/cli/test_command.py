@@ -111,7 +111,7 @@ def test_info_is_plain_when_it_is_not_on_a_terminal(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert result.output.isascii()
     assert "\x1b" not in result.output
-    for text in ("3,840 triangles in 12 parts", "64 of 64", "64 at depth 2", "tightness", "key sets of cells"):
+    for text in ("3,840 triangles in 12 parts", "64 of 64", "64 at depth 2", "tightness", "what is seen from cells"):
         assert text in result.output
     assert "gaps" not in result.output
     assert all(line == line.rstrip() for line in result.output.splitlines())
@@ -129,9 +129,9 @@ def test_info_as_json_says_everything(tmp_path: Path) -> None:
     versions = (tmp_path / "versions" / "1.json").stat().st_size
     assert facts["bytes"]["total"] == on_disk - versions
     sizes = facts["bytes"]
-    kinds = ("meshes", "source faces", "tables", "names", "key sets of cells", "changes across boundaries")
+    kinds = ("meshes", "source faces", "tables", "names", "what is seen from cells")
     assert sum(sizes[kind] for kind in kinds) + sizes["indices and checksums"] + sizes["manifest"] == sizes["total"]
-    assert sizes["boundaries"] == 144
+    assert sizes["per_cell"] == sizes["what is seen from cells"] / 64
 
 
 def test_info_counts_what_can_be_seen_through(tmp_path: Path) -> None:

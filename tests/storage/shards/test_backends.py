@@ -17,7 +17,6 @@ import pytest
 
 from storage import open_store
 from storage.base.errors import CorruptStoreError, MissingDependencyError, StoreNotFoundError, StoreUnreachableError
-from storage.cells.spanning_forest import LONGEST_CHAIN
 from storage.geometry_reader import Geometry
 from storage.shards import files
 from storage.shards.shards import TAIL_READ, shard_path
@@ -174,17 +173,13 @@ def test_few_requests_open_a_store_and_read_a_cell(original: Store) -> None:
     assert list(serving) == []
 
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_requests_for_a_cell_of_a_large_shard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: bool) -> None:
-    if not whole:
-        monkeypatch.setattr("storage.store.WHOLE_CELL_SHARD", TAIL_READ)
-
+def test_requests_for_a_cell_of_a_large_shard(tmp_path: Path) -> None:
     def visible(geometry: Geometry, cell: np.ndarray, cut: np.ndarray) -> np.ndarray:
         return cut[np.random.default_rng(int(cell["key"])).random(len(cut)) < 0.6]
 
     corners = np.indices((12, 12, 12)).reshape(3, -1).T.tolist()
     parts = [box_part(f"{x} {y} {z}", (x, y, z), (x + 0.5, y + 0.5, z + 0.5), segments=(1,)) for x, y, z in corners]
-    written = make_store(tmp_path, parts, depth=2, visible=visible, cells_per_shard=64)
+    written = make_store(tmp_path, parts, depth=3, visible=visible, cells_per_shard=512)
     assert written.manifest.cells is not None
     assert written.manifest.cells.shards[0].bytes > TAIL_READ
     store = open_store(tmp_path)
@@ -198,10 +193,7 @@ def test_requests_for_a_cell_of_a_large_shard(tmp_path: Path, monkeypatch: pytes
 
     store.files.read = read  # type: ignore[method-assign]
     store.vlod(0)
-    if whole:
-        assert asked == 1
-    else:
-        assert 4 <= asked <= 3 + LONGEST_CHAIN  # the shard's end, the links, the key set, the changes
+    assert asked == 2  # the shard's end, the group
 
 
 def test_a_server_without_ranges_sends_each_file_once(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from storage.shards.shards import (
     write_shard,
 )
 
-FRAMES = [(Kind.GEOMETRY, b"hello"), (Kind.TABLE, b""), (Kind.DELTAS, bytes(range(256)) * 3)]
+FRAMES = [(Kind.GEOMETRY, b"hello"), (Kind.TABLE, b""), (Kind.CELLS, bytes(range(256)) * 3)]
 
 
 def _reader(content: bytes, record: ShardRecord) -> ShardReader:
@@ -121,6 +121,17 @@ def test_a_changed_byte_is_told_once_by_its_frame_where_it_has_one(tmp_path: Pat
         changed[at] ^= 1
         (problem,) = _reader(bytes(changed), record).problems()
         assert problem.startswith(f"here/shards/{record.name} is damaged: {what}")
+
+
+def test_another_shard_of_the_same_length_is_not_read(tmp_path: Path) -> None:
+    """All its checksums are right: only its name is not."""
+    mine, other = (write_shard(tmp_path, [(Kind.CELLS, text)]) for text in (b"what is asked for", b"what came at last"))
+    assert mine.bytes == other.bytes
+    content = (tmp_path / "shards" / other.name).read_bytes()
+    assert _reader(content, other).frame(0, Kind.CELLS) == b"what came at last"
+    with pytest.raises(CorruptStoreError, match=f"{mine.name} is damaged: its content hashes to {other.name}"):
+        _reader(content, mine).frame(0, Kind.CELLS)
+    assert len(list(_reader(content, mine).problems())) == 1
 
 
 @given(st.integers(0, 900))

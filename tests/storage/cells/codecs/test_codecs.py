@@ -8,39 +8,80 @@ from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError, StoreFormatError
 from storage.cells.codecs import CODECS, DEFAULT, Codec, codec_named
+from storage.cells.codecs.changes import ListCodec
+from storage.cells.codecs.delimiter import CODEC as DELIMITER
+from storage.cells.codecs.gap_varint import CODEC as GAPS
 from storage.cells.codecs.varint import decode_varints, encode_varints
-from storage.shards.cache import ByteCache
-from storage.shards.shard_files import ShardFiles
-from storage.shards.shards import Kind
-from storage.store import Store, open_store
+from storage.cells.group import Group, Tree
+from storage.model.tables import DRAWABLE, NODE
+from storage.store import open_store
 from tests.storage.cells.codecs.toy_codec import CODEC
 from tests.storage.strategies import id_sets
 from tests.storage.tiny_store import make_store, room_parts
 
 TOY = "tests.storage.cells.codecs.toy_codec"
 EVERY = pytest.mark.parametrize("codec", [*map(codec_named, CODECS), CODEC], ids=[*CODECS, "plain"])
+LISTS = pytest.mark.parametrize("codec", [GAPS.lists, DELIMITER.lists], ids=["gap-varint-zstd", "delimiter"])
+
+FLAT = 40
+
+
+def flat_group(count: int) -> Group:
+    """Cells in a row, each with the whole of a flat hierarchy as its cut."""
+    nodes, drawables = np.zeros(FLAT, NODE), np.zeros(FLAT, DRAWABLE)
+    nodes["end"], nodes["hi"] = np.arange(FLAT) + 1, 1
+    drawables["node"] = np.arange(FLAT)
+    at = np.arange(count)
+    boxes = np.stack([np.stack([at + low, 0 * at, 0 * at], axis=1) for low in (0, 1)], axis=1).astype(float)
+    centres = np.stack([2 * at + 1, 0 * at, 0 * at], axis=1)
+    return Group(Tree(nodes, drawables), centres, boxes, tuple(np.arange(FLAT) for _ in range(count)))
+
+
+SETS = st.lists(st.sets(st.integers(0, FLAT - 1)).map(lambda ids: np.array(sorted(ids), np.int64)), max_size=8)
 
 
 @EVERY
+@given(SETS)
+def test_sets_come_back(codec: Codec, sets: list[np.ndarray]) -> None:
+    group = flat_group(len(sets))
+    decoded = codec.decode(codec.encode(sets, group), group)
+    assert len(decoded) == len(sets)
+    for ids, expected in zip(decoded, sets, strict=True):
+        assert ids.dtype == np.int64
+        assert np.array_equal(ids, expected)
+
+
+@EVERY
+@given(st.binary(max_size=60), st.integers(0, 5))
+def test_senseless_bytes_give_a_clear_error_or_some_sets(codec: Codec, data: bytes, count: int) -> None:
+    try:
+        sets = codec.decode(data, flat_group(count))
+    except CorruptStoreError:
+        return
+    assert len(sets) == count
+    assert all((np.diff(ids) > 0).all() for ids in sets)
+
+
+@LISTS
 @given(st.lists(id_sets(), max_size=8))
-def test_lists_come_back(codec: Codec, lists: list[np.ndarray]) -> None:
-    decoded = codec.decode(codec.encode(lists))
+def test_lists_come_back(codec: ListCodec, lists: list[np.ndarray]) -> None:
+    decoded = codec.decode_lists(codec.encode_lists(lists))
     assert len(decoded) == len(lists)
     for ids, expected in zip(decoded, lists, strict=True):
         assert ids.dtype == np.uint32
         assert np.array_equal(ids, expected)
 
 
-def test_runs_cost_next_to_nothing_by_default() -> None:
-    assert len(codec_named(DEFAULT).encode([np.arange(1000, 101_000, dtype=np.uint32)])) < 100
+def test_runs_cost_next_to_nothing() -> None:
+    assert len(GAPS.lists.encode_lists([np.arange(1000, 101_000, dtype=np.uint32)])) < 100
 
 
-@EVERY
+@LISTS
 @given(st.binary(max_size=60))
-def test_senseless_bytes_are_refused_and_never_crash(codec: Codec, data: bytes) -> None:
+def test_senseless_bytes_are_refused_and_never_crash(codec: ListCodec, data: bytes) -> None:
     for block in (data, data[:8] + zstandard.ZstdCompressor().compress(data[8:])):
         try:
-            lists = codec.decode(block)
+            lists = codec.decode_lists(block)
         except CorruptStoreError:
             continue
         assert all(ids.dtype == np.uint32 for ids in lists)
@@ -87,19 +128,6 @@ def test_a_new_codec_is_a_file_and_a_line(tmp_path: Path, with_toy: None, used: 
             for mine, theirs in zip(store.delta(cell, other), usual.delta(cell, other), strict=True):
                 assert np.array_equal(mine, theirs)
     assert not list(store.check())
-
-
-def test_a_codec_says_how_large_its_blocks_are(tmp_path: Path, with_toy: None) -> None:
-    def blocks(store: Store) -> int:
-        assert store.manifest.cells is not None
-        shards = ShardFiles(store.files, ByteCache(1 << 20))
-        return sum((shards.reader(s).index["kind"] == Kind.DELTAS).sum() for s in store.manifest.cells.shards)
-
-    usual = make_store(tmp_path / "usual", room_parts(), visible=_some)
-    small = make_store(tmp_path / "new", room_parts(), visible=_some, codecs=["plain"])
-    ids = sum(len(ids) for a in range(64) for b in usual.neighbours(a) if b > a for ids in usual.delta(a, b))
-    assert blocks(usual) == 4  # one a shard
-    assert ids / 150 < blocks(small) <= ids / CODEC.block_ids + 4
 
 
 def test_a_store_in_an_unknown_codec_is_refused_when_it_is_opened(tmp_path: Path) -> None:

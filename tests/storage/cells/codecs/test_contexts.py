@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
-from storage.cells.codecs.context_mixing import NEAREST, decisions, nearest_before
+from storage.cells.codecs.context_mixing import NEAREST, nearest_before
 from storage.cells.codecs.contexts import Coder, prior
-from storage.cells.codecs.group import Group, Tree
+from storage.cells.decisions import decisions
+from storage.cells.group import Group, Tree
 from storage.model.tables import DRAWABLE, NODE
 from storage.model.tree import parents
 
@@ -74,8 +75,8 @@ def test_the_bytes_are_the_same_on_every_machine() -> None:
 def test_decisions_are_counted_as_they_are_coded() -> None:
     group, sets = _group(3, 200, 9)
     seen = [np.isin(cut, ids) for cut, ids in zip(group.cuts, sets, strict=True)]
-    nodes = np.split(group.cut, group.cut_ends[:-1])
-    counted = sum(decisions(group.tree.end, cut, own) for cut, own in zip(nodes, seen, strict=True))
+    nodes = np.split(group.part.cut, group.cut_ends[:-1])
+    counted = sum(decisions(group.part.end, cut, own) for cut, own in zip(nodes, seen, strict=True))
     data = np.zeros(4 * 200 * 9 + 8, np.uint8)
     _, made, _ = Coder(prior()).run(group, np.concatenate(seen), data, decoding=False)
     assert made == counted

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from storage.base.errors import CorruptStoreError
-from storage.cells.codecs.delimiter import (
-    CODEC,
+from storage.cells.codecs.delimiter import CODEC
+from storage.cells.codecs.offsets_and_runs import (
     LARGEST,
     LONGEST,
     decode_numbers,
@@ -84,9 +84,9 @@ def test_runs_beyond_the_last_id_are_refused() -> None:
     with pytest.raises(CorruptStoreError, match="more than"):
         ids_of(np.array([1, LONGEST + 1]), 1 << 32)
     with pytest.raises(CorruptStoreError, match="before its last one"):
-        CODEC.decode(encode_numbers(np.array([2, 1])))
+        CODEC.lists.decode_lists(encode_numbers(np.array([2, 1])))
     with pytest.raises(ValueError, match="at most"):
-        CODEC.encode([np.arange(LONGEST + 1, dtype=np.uint32)])
+        CODEC.lists.encode_lists([np.arange(LONGEST + 1, dtype=np.uint32)])
     with pytest.raises(CorruptStoreError, match="before the length"):
         ids_of(np.array([1]), 100)
     assert offsets_and_runs(np.array([0, 1, 2, 7, 9])).tolist() == [1, 3, 4, 1, 1, 1]

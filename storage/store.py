@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from storage.base.errors import NotComputedError, ParameterError, StoreNotFoundError
+from storage.base.errors import NotComputedError, ParameterError
 from storage.cells.deltas import Delta, difference
 from storage.cells.octree import LeafSet, Octree, neighbours
 from storage.check import Problem, problems
@@ -33,9 +33,10 @@ from storage.model.tables import CELL, GROUP
 from storage.shards.cache import ByteCache
 from storage.shards.columns import unpack_table
 from storage.shards.files import Files
-from storage.shards.manifest import FILE, Manifest, from_bytes, version_path
+from storage.shards.manifest import Manifest
 from storage.shards.shard_files import ShardFiles
 from storage.shards.shards import Kind
+from storage.versions import read_manifest
 from storage.vlod_reader import VlodReader
 
 #: Bytes of decoded cell shards' tables, sets and deltas, and of the shards' ends, that a store keeps in memory.
@@ -172,16 +173,4 @@ def open_store(
         kept = DiskCache(cache_dir, cache_bytes)
     files = Files(url, kept)
     with files.patient(tell) if tell is not None else nullcontext():
-        return _opened(files, version)
-
-
-def _opened(files: Files, version: int | None) -> Store:
-    path = FILE if version is None else version_path(version)
-    try:
-        data = files.read(path)
-    except StoreNotFoundError as error:
-        cause = "not a vLOD store, or its build has not finished; run `vlod build MODEL STORE`"
-        if version is not None:
-            cause = f"the store has no version {version}"
-        raise StoreNotFoundError(f"{files.url}: no {path}: {cause}") from error
-    return Store(files, from_bytes(data, f"{files.url}/{path}", path))
+        return Store(files, read_manifest(files, version))

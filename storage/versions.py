@@ -34,16 +34,25 @@ class Versions(NamedTuple):
 
 
 def current_manifest(files: Files) -> Manifest:
-    """The manifest of a store's current version.
+    """The manifest of a store's current version. Raises what `read_manifest` does."""
+    return read_manifest(files, None)
+
+
+def read_manifest(files: Files, version: int | None) -> Manifest:
+    """The manifest of a version of a store, None for the current one.
 
     Raises StoreNotFoundError where there is no store, CorruptStoreError where it is damaged, StoreFormatError where its
     format is unknown, StoreUnreachableError where it cannot be read.
     """
+    path = FILE if version is None else version_path(version)
     try:
-        data = files.read(FILE)
+        data = files.read(path)
     except StoreNotFoundError as error:
-        raise StoreNotFoundError(f"{files.url}: no {FILE}: not a vLOD store, or its build has not finished") from error
-    return from_bytes(data, f"{files.url}/{FILE}")
+        cause = "not a vLOD store, or its build has not finished; run `vlod build MODEL STORE`"
+        if version is not None:
+            cause = f"the store has no version {version}"
+        raise StoreNotFoundError(f"{files.url}: no {path}: {cause}") from error
+    return from_bytes(data, f"{files.url}/{path}", path)
 
 
 def find_versions(files: Files, current: Manifest) -> Versions:

@@ -59,7 +59,7 @@ def lay_out_cells(work: Assignment) -> dict[str, Any]:
 
     _, places = work.read(Payload, Places)
     keys = [np.load(work.place.result(cells.STAGE.name, key) / "cells.npy")["key"] for key in places.cells]
-    starts = np.concatenate([[0], np.cumsum([len(part) for part in keys], dtype=np.int64)]).astype(np.int64)
-    pairs, _ = neighbours(np.concatenate([np.zeros(0, np.uint64), *keys]))
+    every = np.concatenate([np.zeros(0, np.uint64), *keys])
+    pairs, _ = neighbours(every)
     save_array(work.out / PAIRS, pairs)
-    return {"cells": int(starts[-1]), "boundaries": len(pairs), "content": content_of_arrays(starts, pairs)}
+    return {"cells": len(every), "boundaries": len(pairs), "content": content_of_arrays(pairs)}

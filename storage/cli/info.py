@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import sys
-
 import click
 
 from storage.cli.facts import collect
-from storage.cli.text import plain, sections, show
+from storage.cli.text import say, sections
 from storage.store import open_store
 
 
@@ -18,9 +15,4 @@ from storage.store import open_store
 def info(store: str, as_json: bool) -> None:
     """Say what STORE (a folder or a URL) holds: its model, drawables, cells, and where its bytes are."""
     facts = collect(open_store(store))
-    if as_json:
-        click.echo(json.dumps(facts, indent=1))
-    elif sys.stdout.isatty():
-        show(sections(facts))
-    else:
-        click.echo("\n\n".join(plain(section) for section in sections(facts)))
+    say(facts, sections(facts), as_json=as_json)

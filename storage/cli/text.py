@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
+
+import click
 
 #: Characters of the histogram's longest bar.
 BAR = 24
@@ -214,6 +218,16 @@ def show(found: Sequence[Section]) -> None:
         for row in section.rows:
             table.add_row(*row)
         console.print(table)
+
+
+def say(facts: dict[str, Any], found: Sequence[Section], *, as_json: bool) -> None:
+    """Prints facts: as JSON, or their sections as fits where they go."""
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+    elif sys.stdout.isatty():
+        show(found)
+    else:
+        click.echo("\n\n".join(plain(section) for section in found))
 
 
 def length(metres: float) -> str:

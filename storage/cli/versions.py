@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 from typing import Any
 
 import click
 
-from storage.cli.text import Section, plain, show
+from storage.cli.text import Section, say
 from storage.shards.files import Files
 from storage.shards.manifest import Manifest
 from storage.versions import Versions, current_manifest, find_versions
@@ -26,12 +24,7 @@ def versions(store: str, as_json: bool) -> None:
     files = Files(store)
     found = find_versions(files, current_manifest(files))
     facts = collect(files.url, found)
-    if as_json:
-        click.echo(json.dumps(facts, indent=1))
-    elif sys.stdout.isatty():
-        show(sections(facts))
-    else:
-        click.echo("\n\n".join(plain(section) for section in sections(facts)))
+    say(facts, sections(facts), as_json=as_json)
     if found.damaged:
         click.get_current_context().exit(1)
 

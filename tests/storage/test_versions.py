@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
 import io
 import json
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +17,7 @@ from storage.cli.versions import versions
 from storage.shards.files import Files
 from storage.shards.manifest import commit
 from storage.versions import Versions, current_manifest, find_versions
+from tests.storage.served import served
 from tests.storage.tiny_store import make_store, room_parts
 
 
@@ -43,21 +39,6 @@ def found(place: str | Path) -> Versions:
 
 def _run(*args: object) -> Result:
     return CliRunner().invoke(command.vlod, [str(arg) for arg in args])
-
-
-@contextmanager
-def served(folder: Path) -> Iterator[str]:
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_: object) -> None:
-            """Keeps quiet."""
-
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(folder)))
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
-    thread.join()
 
 
 def test_those_that_are_there_are_found_everywhere(root: Path) -> None:

@@ -184,14 +184,14 @@ def test_a_pane_that_is_said_to_be_opaque_is_named(tmp_path: Path, workers: int)
 
 
 def test_what_lies_in_a_damaged_cell_shard_is_left_out_and_the_rest_is_checked(tmp_path: Path) -> None:
-    store = make_store(tmp_path / "store", room_parts(), depth=2, cells_per_shard=16, visible=some)
+    store = make_store(tmp_path / "store", room_parts(), depth=3, cells_per_shard=128, visible=some)
     victim = damage(store, "cells", 1)
-    report = verify(str(tmp_path / "store"), samples=0, cells=64)
+    report = verify(str(tmp_path / "store"), samples=0, cells=512)
     assert report.problems
-    assert all(line.startswith(f"{tmp_path}/store/{victim} is damaged: ") for line in report.problems)
-    assert report.unreadable == 16
-    others = [*range(16), *range(32, 64)]
-    assert [cell.cell for cell in verify(str(tmp_path / "store"), samples=10, cells=64).sampled] == others
+    assert all(line.startswith(f"{tmp_path}/store/{victim} is damaged: frame ") for line in report.problems)
+    assert report.unreadable == 128
+    others = [*range(128), *range(256, 512)]
+    assert [cell.cell for cell in verify(str(tmp_path / "store"), samples=1, cells=512).sampled] == others
     assert report.read_cells == len(others)
 
 

@@ -1,11 +1,9 @@
 """One conformance suite for every place that a store can be read from."""
 
-import functools
 import http.server
 import shutil
 import socket
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,6 +19,7 @@ from storage.geometry_reader import Geometry
 from storage.shards import files
 from storage.shards.shards import TAIL_READ, shard_path
 from storage.store import Store
+from tests.storage.served import Plain, served
 from tests.storage.tiny_store import box_part, make_store, room_parts
 
 
@@ -45,21 +44,9 @@ class _Ranges(http.server.SimpleHTTPRequestHandler):
         """Keeps quiet."""
 
 
-class _Plain(http.server.SimpleHTTPRequestHandler):
-    """Serves a folder and knows nothing of ranges."""
-
-    def log_message(self, *_: object) -> None:
-        """Keeps quiet."""
-
-
 def _served(folder: Path, handler: type) -> Iterator[str]:
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(handler, directory=str(folder)))
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    with served(folder, handler) as url:
+        yield url
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +74,7 @@ def place(request: pytest.FixtureRequest, original: Store, tmp_path: Path) -> It
         yield "memory://copy"
         memory.rm("/copy", recursive=True)
     else:
-        yield from _served(folder, _Ranges if request.param == "http" else _Plain)
+        yield from _served(folder, _Ranges if request.param == "http" else Plain)
 
 
 def test_the_same_is_read_everywhere(original: Store, place: str | Path) -> None:
@@ -199,10 +186,10 @@ def test_requests_for_a_cell_of_a_large_shard(tmp_path: Path) -> None:
 def test_a_server_without_ranges_sends_each_file_once(tmp_path: Path) -> None:
     asked: list[str] = []
 
-    class Counting(_Plain):
-        def do_GET(self) -> None:
+    class Counting(Plain):
+        def send_head(self) -> Any:
             asked.append(self.path)
-            super().do_GET()
+            return super().send_head()
 
     content = np.random.default_rng(0).bytes(1 << 17)
     (tmp_path / "shard").write_bytes(content)

@@ -118,11 +118,6 @@ class Store(Geometry):
         """The whole model at the cell's detail, visible or not: drawable ids (n,) int64, strictly increasing."""
         return self._known.cut(self.cells[cell])
 
-    @property
-    def boundary_count(self) -> int:
-        """How many faces between computed cells there are."""
-        return len(self._neighbours[1]) // 2
-
     def bytes_by_kind(self) -> dict[int, int]:
         """How many bytes the frames of each kind (a `Kind`, or one that is not known) take on disk.
 

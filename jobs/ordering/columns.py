@@ -50,25 +50,11 @@ def columns_of_changes(sets: Sequence[np.ndarray], pairs: np.ndarray, count: int
 
     sets: (v,) sorted ids that are seen, for each cell; pairs: (p, 2) int64 cells that share a face.
     """
-    offsets, ids = _joined(sets)
-    lists, heads = _changes(offsets, ids, np.ascontiguousarray(pairs, np.int64))
-    return _transposed(heads, lists, count)
-
-
-def columns_of_cells(sets: Sequence[np.ndarray], count: int) -> Columns:
-    """The columns of drawables 0 to count - 1 where a row is a cell that sees them: an order for reading whole sets."""
-    offsets, ids = _joined(sets)
-    return _transposed(offsets, ids, count)
-
-
-def _joined(sets: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     offsets = np.cumsum([0, *(len(ids) for ids in sets)], dtype=np.int64)
-    return offsets, np.concatenate([np.zeros(0, np.int64), *sets]).astype(np.int32)
-
-
-def _transposed(offsets: np.ndarray, ids: np.ndarray, count: int) -> Columns:
-    rows, sizes = _by_column(offsets, ids, count)
-    return Columns.made(sizes, rows, len(offsets) - 1)
+    ids = np.concatenate([np.zeros(0, np.int64), *sets]).astype(np.int32)
+    lists, heads = _changes(offsets, ids, np.ascontiguousarray(pairs, np.int64))
+    rows, sizes = _by_column(heads, lists, count)
+    return Columns.made(sizes, rows, len(heads) - 1)
 
 
 @allocating_kernel()

@@ -36,10 +36,6 @@ class Fragments:
         one, other, far = one[there], near.ravel()[there].astype(np.int64), apart.ravel()[there]
         _join(one, other, np.argsort(far, kind="stable"), self.links, self.roots)
 
-    def ends(self, members: np.ndarray) -> np.ndarray:
-        """Those of members (m,) that one more edge may go to, in their order."""
-        return np.asarray(members[self.links[members, 1] < 0])
-
     def groups(self, members: np.ndarray) -> np.ndarray:
         """The fragment of each of members (m,): (m,) int64."""
         return _roots_of(self.roots, members)

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from jobs.ordering.columns import Columns, columns_of_cells, columns_of_changes
+from jobs.ordering.columns import Columns, columns_of_changes
 from jobs.ordering.distances import runs
 from jobs.ordering.insertion import inserted
 from jobs.ordering.signatures import mixed
@@ -71,6 +71,13 @@ def hilbert(points: np.ndarray) -> np.ndarray:
         for axis in range(3):
             key = (key << 1) | ((x[axis] >> bit) & 1)
     return np.argsort(key, kind="stable")
+
+
+def columns_of_cells(sets: Sequence[np.ndarray], count: int) -> Columns:
+    """Columns whose rows are the cells' whole sets: what comes from a cell that sees nothing."""
+    nothing = len(sets)
+    pairs = np.array([(nothing, cell) for cell in range(nothing)], np.int64).reshape(-1, 2)
+    return columns_of_changes([*sets, np.zeros(0, np.int64)], pairs, count)
 
 
 def measure_store(path: Path, seconds: float) -> dict[str, Any]:

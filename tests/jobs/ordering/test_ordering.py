@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jobs.ordering import tour as tour_module
-from jobs.ordering.columns import Columns, columns_of_cells, columns_of_changes
+from jobs.ordering.columns import Columns, columns_of_changes
 from jobs.ordering.distances import distance, runs, steps
 from jobs.ordering.fragments import Fragments
 from jobs.ordering.identical import representatives
@@ -183,7 +183,6 @@ def test_fragments_close_no_ring_and_leave_two_edges_a_column() -> None:
     fragments.join(members, near, np.array([[1, 1], [1, 1], [1, 1], [2, 9], [2, 9], [9, 9]], np.int32))
     assert (np.sort(fragments.links[[0, 1, 2]], axis=1) >= 0).sum() == 4  # two edges of the triangle's three
     assert len(np.unique(fragments.groups(members))) == 3
-    assert fragments.ends(members).tolist() == [column for column in range(6) if fragments.links[column, 1] < 0]
 
 
 @given(matrices, st.integers(0, 2**31))
@@ -209,16 +208,12 @@ def test_insertion_puts_what_is_new_beside_what_is_like_it() -> None:
     assert runs(columns, order) < 0.9 * runs(columns, appended)
 
 
-def test_columns_of_changes_and_of_cells() -> None:
+def test_columns_of_changes() -> None:
     sets = [np.array([0, 2, 5]), np.array([2, 3]), np.zeros(0, np.int64)]
     changes = columns_of_changes(sets, np.array([[0, 1], [1, 2]]), 6)
     assert changes.height == 4
     rows = [changes.rows[changes.offsets[i] : changes.offsets[i + 1]].tolist() for i in range(7)]
     assert rows == [[1], [], [3], [0, 3], [], [1], []]  # the last one is the empty column
-    cells = columns_of_cells(sets, 6)
-    assert [cells.rows[cells.offsets[i] : cells.offsets[i + 1]].tolist() for i in range(6)] == [
-        [0], [], [0, 1], [1], [], [0],
-    ]  # fmt: skip
 
 
 def test_random_numbers_are_the_same_on_every_machine() -> None:

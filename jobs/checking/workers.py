@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
@@ -155,8 +155,10 @@ def _uninterrupted() -> Iterator[None]:
 
     What is blocked here is blocked there from their first instruction on. Other threads of this process may take the
     signal all the same, and Python hands it to the main thread: so that one is told to wait, too. Half a start would
-    leave a process that was never told what to do.
+    leave a process that was never told what to do. The tracker of Python's multiprocessing comes first: where a process
+    is the one that starts it, CPython 3.11 unblocks interrupts behind it, and that process would be born with them.
     """
+    resource_tracker.ensure_running()
     caught: list[int] = []
     main = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGINT, lambda number, _: caught.append(number)) if main else None

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from multiprocessing import active_children
+from multiprocessing import active_children, resource_tracker
 from pathlib import Path
 from threading import Thread
 
@@ -36,6 +36,11 @@ def who(place: Place, item: int) -> tuple[int, int, int]:
     return item, os.getpid(), len(place.store.cells)
 
 
+def blocks_interrupts(_place: Place, _item: int) -> bool:
+    time.sleep(0.1)
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 def refuse(_place: Place, item: int) -> int:
     if item == 3:
         raise ParameterError("3 is refused")
@@ -58,6 +63,13 @@ def test_results_come_in_the_order_of_the_items(store: Store) -> None:
     assert os.getpid() not in processes
     assert {cells for _, _, cells in found} == {64}
     assert not active_children()
+
+
+def test_no_worker_hears_of_an_interrupt(store: Store) -> None:
+    """The very first one neither: its start begins multiprocessing's tracker as well, where none runs yet."""
+    resource_tracker._resource_tracker._stop()  # type: ignore[attr-defined]
+    with Workers(place_of(store), 2) as workers:
+        assert list(workers.each(blocks_interrupts, range(4))) == [True] * 4
 
 
 def test_quick_work_stays_in_this_process(store: Store) -> None:
